@@ -1,0 +1,92 @@
+"""The errors that tablemap raises, and the warnings that a result carries."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+class TablemapError(Exception):
+    """Something that the user can act on: what was expected, what was found, what to do next."""
+
+
+class RecordingError(TablemapError):
+    """The recording cannot be read, or lacks what processing needs."""
+
+
+class ConfigError(TablemapError):
+    """A setting is unknown or out of its range."""
+
+
+class EstimationError(TablemapError):
+    """The recording was read, but no table could be modelled from it."""
+
+
+class ExternalToolError(TablemapError):
+    """Another program (the viewer, a graphics driver, a network port) is missing or failed."""
+
+
+WARNING_CODES: dict[str, str] = {
+    "recording.truncated": "The file was cut short; what could be read was used.",
+    "recording.damaged": (
+        "A chunk or message failed its checksum or could not be decoded and was left out."
+    ),
+    "recording.topic_choice": "Several topics fitted a role; one was chosen.",
+    "recording.no_pose": "Depth images or a laser were left out, for their pose is not known.",
+    "calibration.no_floor": "Too little floor was seen to calibrate the camera; TF was believed.",
+    "segmentation.table_tie": "Several surfaces could be the table; one was chosen.",
+    "accuracy.few_views": "Too few views see the table to check one against another.",
+    "accuracy.height_scatter": "The views disagree on the height of the top.",
+    "accuracy.calibration": "The floor asks for a camera tilt or depth scale beyond the plausible.",
+    "odometry.no_laser": "There is no usable laser; the wheels carry the motion between the stops.",
+    "odometry.no_wheels": (
+        "There is neither laser nor wheel odometry; the localisation carries the motion."
+    ),
+    "odometry.kept_prior": "Scans that moved too far from their prior were placed by the prior.",
+    "registration.no_scan": (
+        "A snapshot has no usable laser scan; odometry and localisation place it."
+    ),
+    "registration.searched": "A snapshot started far from its place and was found by searching.",
+    "accuracy.registration_failed": "A snapshot's registration failed its check; it is not used.",
+    "accuracy.registration_unchecked": "The snapshots could not be checked against each other.",
+    "accuracy.placement": (
+        "The localisation disagrees with itself; the table's place in the map is uncertain."
+    ),
+    "outline.view_without_edges": "A view that sees the table gave no edge of its top.",
+    "accuracy.unchecked_poses": (
+        "No snapshot passed the registration's check; the figures rest on unchecked poses."
+    ),
+    "accuracy.unseen_side": "A side of the top was not seen; its place is only bounded.",
+    "accuracy.inferred_side": "A side of the top was seen at one end only, or follows by symmetry.",
+    "accuracy.shape_ambiguous": "Another shape explains the edges nearly as well.",
+    "accuracy.no_primitive": (
+        "No primitive fits the outline; the hull of what was seen stands in for it."
+    ),
+    "accuracy.poor_fit": (
+        "The edge points scatter far more about the chosen outline than their sigma says."
+    ),
+    "accuracy.votes_contradict": (
+        "Part of what was seen as top lies outside the outline, or free space inside."
+    ),
+    "legs.no_laser": "No laser cuts the legs; what was found rests on the depth camera alone.",
+    "legs.none_found": "No leg was found.",
+    "legs.inferred": "A leg that no view could have seen was put by symmetry.",
+}
+"""Every warning code and what it means. Codes that doubt the figures begin with ``accuracy.``."""
+
+
+@dataclass(frozen=True)
+class ProcessWarning:
+    """One thing that the reader of a result must know.
+
+    ``code`` is a key of `WARNING_CODES`; ``stage`` the module that raised it; ``stamp_ns`` the
+    sensor time that it concerns, if any.
+    """
+
+    code: str
+    stage: str
+    message: str
+    stamp_ns: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.code not in WARNING_CODES:
+            raise ValueError(f"undocumented warning code {self.code!r}")

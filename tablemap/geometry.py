@@ -1,0 +1,122 @@
+"""Poses in the plane and in space, and what is done to points with them.
+
+A pose is named ``target_from_source`` and maps points of the source frame into the target frame, so
+that neighbouring names match: ``map_from_base @ base_from_camera``. Frames follow REP 103 and 105.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+Floats = NDArray[np.float64]
+
+
+def wrap_angle(angle: float) -> float:
+    """Return the angle in [-pi, pi)."""
+    return float((angle + np.pi) % (2 * np.pi) - np.pi)
+
+
+@dataclass(frozen=True)
+class Pose2:
+    """A pose in SE(2): metres and radians."""
+
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+
+    def __matmul__(self, other: Pose2) -> Pose2:
+        c, s = np.cos(self.yaw), np.sin(self.yaw)
+        return Pose2(
+            float(self.x + c * other.x - s * other.y),
+            float(self.y + s * other.x + c * other.y),
+            wrap_angle(self.yaw + other.yaw),
+        )
+
+    def inverse(self) -> Pose2:
+        """Return the pose that undoes this one."""
+        c, s = np.cos(self.yaw), np.sin(self.yaw)
+        return Pose2(
+            float(-c * self.x - s * self.y), float(s * self.x - c * self.y), wrap_angle(-self.yaw)
+        )
+
+    @property
+    def rotation(self) -> Floats:
+        """The (2, 2) rotation matrix."""
+        c, s = np.cos(self.yaw), np.sin(self.yaw)
+        return np.array([[c, -s], [s, c]])
+
+    @property
+    def translation(self) -> Floats:
+        """The (2,) translation in metres."""
+        return np.array([self.x, self.y])
+
+    def apply(self, points: ArrayLike) -> Floats:
+        """Map (..., 2) points; of (..., 3) points the height stays as it is."""
+        array = np.asarray(points, dtype=np.float64)
+        mapped = array[..., :2] @ self.rotation.T + self.translation
+        if array.shape[-1] == 2:
+            return mapped
+        return np.concatenate([mapped, array[..., 2:]], axis=-1)
+
+    def rotate(self, vectors: ArrayLike) -> Floats:
+        """Turn (..., 2) vectors without moving them."""
+        return np.asarray(vectors, dtype=np.float64) @ self.rotation.T
+
+    def lifted(self) -> Floats:
+        """Return the (4, 4) matrix of the same motion in space."""
+        matrix = np.eye(4)
+        matrix[:2, :2] = self.rotation
+        matrix[:2, 3] = self.translation
+        return matrix
+
+    def as_array(self) -> Floats:
+        """Return (3,): x, y, yaw."""
+        return np.array([self.x, self.y, self.yaw])
+
+    @staticmethod
+    def from_array(values: ArrayLike) -> Pose2:
+        """Make a pose of (3,) x, y, yaw."""
+        x, y, yaw = np.asarray(values, dtype=np.float64)
+        return Pose2(float(x), float(y), wrap_angle(float(yaw)))
+
+    @staticmethod
+    def projected(matrix: Floats) -> Pose2:
+        """Project a (4, 4) pose onto the ground plane: its place, and the heading of its x axis."""
+        return Pose2(
+            float(matrix[0, 3]), float(matrix[1, 3]), float(np.arctan2(matrix[1, 0], matrix[0, 0]))
+        )
+
+
+def transform(target_from_source: Floats, points: ArrayLike) -> Floats:
+    """Map (..., 3) points by a (4, 4) pose."""
+    array = np.asarray(points, dtype=np.float64)
+    return array @ target_from_source[:3, :3].T + target_from_source[:3, 3]
+
+
+def invert(pose: Floats) -> Floats:
+    """Return the inverse of a (4, 4) rigid pose."""
+    inverse = np.eye(4)
+    inverse[:3, :3] = pose[:3, :3].T
+    inverse[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
+    return inverse
+
+
+def pose_matrix(translation: ArrayLike, quaternion_xyzw: ArrayLike) -> Floats:
+    """Make a (4, 4) pose of a translation in metres and a quaternion (x, y, z, w)."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_quat(np.asarray(quaternion_xyzw, dtype=np.float64)).as_matrix()
+    matrix[:3, 3] = translation
+    return matrix
+
+
+def interpolate(first: Floats, second: Floats, fraction: float) -> Floats:
+    """Interpolate two (4, 4) poses: the place linearly, the attitude on the great circle."""
+    between = np.eye(4)
+    between[:3, 3] = (1 - fraction) * first[:3, 3] + fraction * second[:3, 3]
+    attitudes = Rotation.from_matrix(np.stack([first[:3, :3], second[:3, :3]]))
+    between[:3, :3] = Slerp([0.0, 1.0], attitudes)(fraction).as_matrix()
+    return between
