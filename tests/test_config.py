@@ -1,0 +1,61 @@
+"""Settings end in one validated tree, whatever they come from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tablemap.config import Config, dump_config, load_config
+from tablemap.errors import ConfigError
+
+
+def test_settings_override_the_file_which_overrides_defaults(tmp_path: Path) -> None:
+    """Defaults < TOML < --set."""
+    file = tmp_path / "settings.toml"
+    file.write_text('seed = 3\n[topics]\ndepth = "/a"\nlaser = "/scan"\n')
+    config = load_config(file, overrides=["topics.depth=/b"])
+    assert (config.seed, config.topics.depth, config.topics.laser) == (3, "/b", "/scan")
+    assert config.snapshots == Config().snapshots
+
+
+def test_a_dumped_config_loads_as_the_same_tree(tmp_path: Path) -> None:
+    """config.toml reproduces a run's settings."""
+    config = load_config(overrides=["seed=7", "topics.fixed_frame=world", "snapshots.maximum=9"])
+    file = tmp_path / "config.toml"
+    file.write_text(dump_config(config))
+    assert load_config(file) == config
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("snapshots.maximun=7", "'snapshots.maximum'"),
+        ("snapshot.maximum=7", "'snapshots'"),
+        ("snapshots.maximum=-1", "greater than or equal to 1"),
+        ("seed=1.5", "valid integer"),
+        ("seed", "section.key=value"),
+        ("seed.deeper=1", "seed"),
+    ],
+)
+def test_a_wrong_setting_is_refused_in_one_sentence(setting: str, words: str) -> None:
+    """An unknown name comes with the nearest one."""
+    with pytest.raises(ConfigError) as caught:
+        load_config(overrides=[setting])
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["seed = ", "[topics", "\xff"])
+def test_a_file_that_is_no_toml_is_refused(tmp_path: Path, text: str) -> None:
+    """Also one that is not even text."""
+    file = tmp_path / "settings.toml"
+    file.write_bytes(text.encode("latin-1"))
+    with pytest.raises(ConfigError, match=r"settings\.toml"):
+        load_config(file)
+
+
+def test_a_missing_file_is_refused(tmp_path: Path) -> None:
+    """The path is named."""
+    with pytest.raises(ConfigError, match=r"none\.toml"):
+        load_config(tmp_path / "none.toml")
