@@ -1,0 +1,29 @@
+"""MCAP in, sensor messages out."""
+
+from __future__ import annotations
+
+from tablemap.recording.frame_roles import FrameNames
+from tablemap.recording.info import RecordingInfo, inspect
+from tablemap.recording.messages import (
+    CameraInfo,
+    CompressedImage,
+    Image,
+    LaserScan,
+    TransformStamped,
+)
+from tablemap.recording.reader import DepthFrame, Recording, open_recording, sha256
+
+__all__ = [
+    "CameraInfo",
+    "CompressedImage",
+    "DepthFrame",
+    "FrameNames",
+    "Image",
+    "LaserScan",
+    "Recording",
+    "RecordingInfo",
+    "TransformStamped",
+    "inspect",
+    "open_recording",
+    "sha256",
+]

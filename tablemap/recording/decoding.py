@@ -1,0 +1,340 @@
+"""Recorded bytes -> messages: ROS 1, ROS 2 (CDR), Foxglove's protobuf, and its JSON.
+
+The types are built from the schemas that the recording embeds, so that older and newer versions of
+a message are read as they were written. Only where a schema's text is empty are the standard
+messages of ROS assumed.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import struct
+from collections.abc import Callable
+from contextlib import suppress
+from functools import lru_cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from mcap.records import Schema
+from mcap_protobuf.decoder import DecoderFactory
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+from tablemap.recording.chunks import RawMessage
+from tablemap.recording.container import Channel
+from tablemap.recording.messages import (
+    CameraInfo,
+    CompressedImage,
+    Image,
+    LaserScan,
+    TransformStamped,
+)
+from tablemap.recording.transforms import Reader as DirectReader
+from tablemap.recording.transforms import direct_reader
+
+Message = Image | CompressedImage | CameraInfo | LaserScan | tuple[TransformStamped, ...]
+
+IMAGE, COMPRESSED, CALIBRATION, LASER, TRANSFORMS = (
+    "image",
+    "compressed image",
+    "calibration",
+    "laser scan",
+    "transforms",
+)
+
+_KINDS = {
+    "sensor_msgs/Image": IMAGE,
+    "sensor_msgs/CompressedImage": COMPRESSED,
+    "sensor_msgs/CameraInfo": CALIBRATION,
+    "sensor_msgs/LaserScan": LASER,
+    "tf2_msgs/TFMessage": TRANSFORMS,
+    "tf/tfMessage": TRANSFORMS,
+    "foxglove/RawImage": IMAGE,
+    "foxglove/CompressedImage": COMPRESSED,
+    "foxglove/CameraCalibration": CALIBRATION,
+    "foxglove/LaserScan": LASER,
+    "foxglove/FrameTransform": TRANSFORMS,
+    "foxglove/FrameTransforms": TRANSFORMS,
+}
+
+
+class DecodingError(Exception):
+    """A message that is not what its schema says; the text completes "it ..."."""
+
+
+def schema_key(name: str) -> str:
+    """Return a schema's name without the spelling of its system: ``sensor_msgs/Image``."""
+    return name.replace("/msg/", "/").replace("foxglove.", "foxglove/")
+
+
+def kind_of(channel: Channel) -> str | None:
+    """Return what a channel carries, or None where processing has no use for it."""
+    key = schema_key(channel.schema_name)
+    if key.startswith("foxglove_msgs/"):
+        key = key.replace("foxglove_msgs/", "foxglove/")
+    return _KINDS.get(key)
+
+
+class Decoder:
+    """Decodes the messages of one channel; everything that fails is a `DecodingError`."""
+
+    def __init__(self, channel: Channel) -> None:
+        kind = kind_of(channel)
+        if kind is None:
+            raise DecodingError(f"has the schema {channel.schema_name!r}, which is not read")
+        self.channel = channel
+        self.kind = kind
+        self._parse, self._peek, self._direct = _parser(channel)
+        self._is_static = channel.topic.rstrip("/").endswith("tf_static")
+        self._convert = _converter(kind, is_static=self._is_static)
+
+    def decode(self, raw: RawMessage) -> Message:
+        """Decode a message; a stamp of zero is replaced by the log time."""
+        try:
+            if self._direct is not None:
+                # What it cannot read (another byte order, say) goes to the general decoder.
+                with suppress(struct.error, UnicodeDecodeError):
+                    return self._direct(raw.data, raw.log_time_ns, self._is_static)
+            return self._convert(self._parse(raw.data), raw.log_time_ns)
+        except DecodingError:
+            raise
+        # Parsers that are generated from a schema raise anything on bytes that do not fit it.
+        except Exception as error:
+            raise DecodingError(f"cannot be decoded ({error})") from error
+
+    def stamp_ns(self, raw: RawMessage) -> int:
+        """Return the header's stamp, without decoding the rest where the layout allows it."""
+        if self._peek is not None:
+            try:
+                return self._peek(raw.data) or raw.log_time_ns
+            except (struct.error, IndexError) as error:
+                raise DecodingError("is too short for its header") from error
+        message = self.decode(raw)
+        if isinstance(message, tuple):
+            return message[0].stamp_ns if message else raw.log_time_ns
+        return message.stamp_ns
+
+
+Parse = Callable[[memoryview], Any]
+Peek = Callable[[memoryview], int]
+Parser = tuple[Parse, Peek | None, DirectReader | None]
+
+
+def _parser(channel: Channel) -> Parser:
+    """Return what turns bytes into an object, and the short ways to the stamp and to transforms."""
+    return _schema_parser(
+        channel.message_encoding, channel.schema_name, channel.schema_encoding, channel.schema_data
+    )
+
+
+@lru_cache(maxsize=256)
+def _schema_parser(encoding: str, name: str, schema_encoding: str, schema_data: bytes) -> Parser:
+    """Build the parser of a schema; recordings of one robot share theirs."""
+    try:
+        if encoding in ("ros1", "cdr"):
+            return _ros_parser(encoding, name, schema_encoding, schema_data.decode())
+        if encoding == "protobuf":
+            schema = Schema(1, schema_data, schema_encoding, name)
+            decode = DecoderFactory().decoder_for(encoding, schema)
+            if decode is not None:
+                return (lambda data: decode(bytes(data))), None, None
+        if encoding == "json":
+            return _parse_json, None, None
+    # A schema may hold anything; what its parser raises is no business of the caller.
+    except Exception as error:
+        raise DecodingError(f"has a schema that cannot be parsed ({error})") from error
+    raise DecodingError(f"is encoded as {encoding!r}, which is not read")
+
+
+def _parse_json(data: memoryview) -> Any:
+    return json.loads(bytes(data), object_hook=lambda fields: SimpleNamespace(**fields))
+
+
+def _ros_parser(encoding: str, schema_name: str, schema_encoding: str, text: str) -> Parser:
+    name = schema_name if "/msg/" in schema_name else schema_name.replace("/", "/msg/")
+    if not text.strip():
+        store = get_typestore(Stores.ROS1_NOETIC if encoding == "ros1" else Stores.LATEST)
+    else:
+        store = get_typestore(Stores.EMPTY)
+        is_idl = schema_encoding in ("ros2idl", "omgidl")
+        store.register(get_types_from_idl(text) if is_idl else get_types_from_msg(text, name))
+    fields = store.fielddefs[name][1]
+    begins_with_header = bool(fields) and fields[0][1][1] == "std_msgs/msg/Header"
+    direct: DirectReader | None = None
+    if _KINDS.get(schema_key(schema_name)) == TRANSFORMS:
+        direct = direct_reader(store.fielddefs, name, encoding=encoding)
+    if encoding == "cdr":
+        peek = _peek_cdr if begins_with_header else None
+        return (lambda data: store.deserialize_cdr(data, name)), peek, direct
+    peek = _peek_ros1 if begins_with_header else None
+    return (lambda data: store.deserialize_ros1(data, name)), peek, direct
+
+
+def _peek_ros1(data: memoryview) -> int:
+    seconds, nanoseconds = struct.unpack_from("<II", data, 4)  # after the sequence number
+    return int(seconds) * 1_000_000_000 + int(nanoseconds)
+
+
+def _peek_cdr(data: memoryview) -> int:
+    order = "<" if data[1] == 1 else ">"
+    seconds, nanoseconds = struct.unpack_from(order + "iI", data, 4)
+    return int(seconds) * 1_000_000_000 + int(nanoseconds)
+
+
+# From the objects that parsers make to ours. Fields are ROS's or Foxglove's.
+
+Convert = Callable[[Any, int], Message]
+
+
+def _converter(kind: str, *, is_static: bool) -> Convert:
+    if kind == TRANSFORMS:
+        return lambda message, log_ns: _transforms(message, log_ns, is_static)
+    return _CONVERTERS[kind]
+
+
+def _image(message: Any, log_ns: int) -> Image:
+    stamp_ns, frame_id = _header(message, log_ns)
+    return Image(
+        stamp_ns,
+        frame_id,
+        int(message.height),
+        int(message.width),
+        str(message.encoding),
+        bool(getattr(message, "is_bigendian", False)),
+        int(message.step),
+        _bytes(message.data),
+    )
+
+
+def _compressed(message: Any, log_ns: int) -> CompressedImage:
+    return CompressedImage(*_header(message, log_ns), str(message.format), _bytes(message.data))
+
+
+def _calibration(message: Any, log_ns: int) -> CameraInfo:
+    stamp_ns, frame_id = _header(message, log_ns)
+    return CameraInfo(
+        stamp_ns,
+        frame_id,
+        int(message.height),
+        int(message.width),
+        str(message.distortion_model),
+        _floats(message, "D", None),
+        _floats(message, "K", (3, 3)),
+        _floats(message, "R", (3, 3)),
+        _floats(message, "P", (3, 4)),
+    )
+
+
+def _laser(message: Any, log_ns: int) -> LaserScan:
+    stamp_ns, frame_id = _header(message, log_ns)
+    ranges = np.asarray(message.ranges, dtype=np.float32).copy()
+    if hasattr(message, "start_angle"):
+        turn = _yaw_of_pose(getattr(message, "pose", None))
+        start, end = float(message.start_angle) + turn, float(message.end_angle) + turn
+        step = (end - start) / max(len(ranges) - 1, 1)
+        return LaserScan(stamp_ns, frame_id, start, end, step, 0.0, 0.0, 0.0, float("inf"), ranges)
+    return LaserScan(
+        stamp_ns,
+        frame_id,
+        float(message.angle_min),
+        float(message.angle_max),
+        float(message.angle_increment),
+        float(message.time_increment),
+        float(message.scan_time),
+        float(message.range_min),
+        float(message.range_max),
+        ranges,
+    )
+
+
+def _yaw_of_pose(pose: Any) -> float:
+    """Return the turn of a scan's own pose in its frame, which must be a turn alone."""
+    if pose is None or not (hasattr(pose, "position") and hasattr(pose, "orientation")):
+        return 0.0
+    place, turn = pose.position, pose.orientation
+    x, y, z, w = (float(getattr(turn, name, 0.0)) for name in "xyzw")
+    if any(abs(float(getattr(place, name, 0.0))) > 1e-9 for name in "xyz") or x or y:
+        raise DecodingError("is a laser scan that lies apart from its frame's origin")
+    return 2.0 * float(np.arctan2(z, w)) if (z or w) else 0.0
+
+
+def _transforms(message: Any, log_ns: int, is_static: bool) -> tuple[TransformStamped, ...]:
+    if hasattr(message, "parent_frame_id"):
+        return (_frame_transform(message, log_ns, is_static),)
+    transforms = message.transforms
+    if len(transforms) and hasattr(transforms[0], "parent_frame_id"):
+        return tuple(_frame_transform(each, log_ns, is_static) for each in transforms)
+    return tuple(
+        TransformStamped(
+            *_header(each, log_ns),
+            each.child_frame_id.lstrip("/"),
+            _xyz(each.transform.translation),
+            _xyzw(each.transform.rotation),
+            is_static,
+        )
+        for each in transforms
+    )
+
+
+def _frame_transform(message: Any, log_ns: int, is_static: bool) -> TransformStamped:
+    return TransformStamped(
+        _time_ns(message.timestamp) or log_ns,
+        message.parent_frame_id.lstrip("/"),
+        message.child_frame_id.lstrip("/"),
+        _xyz(message.translation),
+        _xyzw(message.rotation),
+        is_static,
+    )
+
+
+_CONVERTERS: dict[str, Convert] = {
+    IMAGE: _image,
+    COMPRESSED: _compressed,
+    CALIBRATION: _calibration,
+    LASER: _laser,
+}
+
+
+def _header(message: Any, log_ns: int) -> tuple[int, str]:
+    """Return stamp and frame; the log time where the stamp was left at zero."""
+    if hasattr(message, "header"):
+        header = message.header
+        return _time_ns(header.stamp) or log_ns, str(header.frame_id).lstrip("/")
+    return _time_ns(message.timestamp) or log_ns, str(message.frame_id).lstrip("/")
+
+
+def _time_ns(time: Any) -> int:
+    """Return nanoseconds of a time as ROS, protobuf or JSON spell it."""
+    if hasattr(time, "nanosec"):
+        return int(time.sec) * 1_000_000_000 + int(time.nanosec)
+    if hasattr(time, "nanos"):
+        return int(time.seconds) * 1_000_000_000 + int(time.nanos)
+    return int(time.sec) * 1_000_000_000 + int(time.nsec)
+
+
+def _bytes(data: Any) -> bytes:
+    if isinstance(data, str):  # JSON
+        return base64.b64decode(data)
+    return data.tobytes() if isinstance(data, np.ndarray) else bytes(data)
+
+
+def _floats(message: Any, name: str, shape: tuple[int, int] | None) -> np.ndarray[Any, Any]:
+    """Return a calibration's array; ROS 2 spells their names small, and R and P may be empty."""
+    values = (
+        getattr(message, name) if hasattr(message, name) else getattr(message, name.lower(), ())
+    )
+    array = np.array(values, dtype=np.float64)
+    if shape is None:
+        return array
+    if array.size == 0 and name in "RP":
+        return np.eye(3) if name == "R" else np.zeros(shape)
+    return array.reshape(shape)
+
+
+def _xyz(vector: Any) -> tuple[float, float, float]:
+    return float(vector.x), float(vector.y), float(vector.z)
+
+
+def _xyzw(quaternion: Any) -> tuple[float, float, float, float]:
+    return float(quaternion.x), float(quaternion.y), float(quaternion.z), float(quaternion.w)

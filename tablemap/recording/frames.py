@@ -1,0 +1,270 @@
+"""The TF tree over time: edges sampled as recorded, looked up for many stamps at once.
+
+Between two samples the place is interpolated linearly and the attitude on the great circle. Nothing
+is extrapolated by more than `TOLERANCE_NS`. A gap longer than `MAX_GAP_NS` is bridged only where
+its ends agree (`GAP_METRES`, `GAP_RADIANS`), so that an interpolated pose is never further off. An
+edge that is static, or of which all samples are equal, holds at any time.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from tablemap.errors import RecordingError
+from tablemap.geometry import Floats
+from tablemap.recording.messages import TransformStamped
+
+TOLERANCE_NS = 100_000_000
+MAX_GAP_NS = 2_000_000_000
+GAP_METRES = 0.05
+GAP_RADIANS = 0.05
+
+Stamps = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Edge:
+    """``parent_from_child`` over time: (n,) stamps ascending, (n, 3) metres, (n, 4) xyzw."""
+
+    parent: str
+    child: str
+    stamps_ns: Stamps
+    translations: Floats
+    quaternions: Floats
+
+    @property
+    def is_static(self) -> bool:
+        """Whether the edge never changes."""
+        return len(self.stamps_ns) == 1
+
+    @cached_property
+    def _constant(self) -> Floats:
+        return np.asarray(_matrices(self.translations[:1], self.quaternions[:1])[0])
+
+    @cached_property
+    def _bridged(self) -> Mask:
+        """The (n - 1,) gaps between samples over which may be interpolated."""
+        moved = np.linalg.norm(np.diff(self.translations, axis=0), axis=1)
+        cosine = np.abs(np.sum(self.quaternions[1:] * self.quaternions[:-1], axis=1))
+        turned = 2 * np.arccos(np.clip(cosine, 0, 1))
+        agree = (moved <= GAP_METRES) & (turned <= GAP_RADIANS)
+        return np.asarray(agree | (np.diff(self.stamps_ns) <= MAX_GAP_NS))
+
+    def at(self, stamps_ns: Stamps) -> tuple[Floats, Mask]:
+        """Return (n, 4, 4) poses, and (n,) which of them are covered by samples."""
+        if self.is_static:
+            shape = (len(stamps_ns), 4, 4)
+            return np.broadcast_to(self._constant, shape), np.ones(len(stamps_ns), dtype=bool)
+        after = np.clip(np.searchsorted(self.stamps_ns, stamps_ns), 1, len(self.stamps_ns) - 1)
+        before = after - 1
+        since = stamps_ns - self.stamps_ns[before]
+        until = self.stamps_ns[after] - stamps_ns
+        fraction = np.clip(since / (since + until), 0.0, 1.0)
+        valid = (since >= -TOLERANCE_NS) & (until >= -TOLERANCE_NS)
+        near = np.minimum(np.abs(since), np.abs(until)) <= TOLERANCE_NS
+        unbridged = ~self._bridged[before]
+        valid &= near | ~unbridged
+        # In a gap that may not be bridged, what is near to a sample takes that sample.
+        fraction = np.where(unbridged, np.rint(fraction), fraction)
+        places = self.translations[before] * (1 - fraction[:, None])
+        places += self.translations[after] * fraction[:, None]
+        turns = slerp(self.quaternions[before], self.quaternions[after], fraction)
+        return _matrices(places, turns), valid
+
+
+class TransformTree:
+    """The edges of a recording, by child and parent. Build it with `TransformCollector`."""
+
+    def __init__(self, edges: Iterable[Edge]) -> None:
+        self.edges: dict[str, list[Edge]] = {}
+        for edge in edges:
+            self.edges.setdefault(edge.child, []).append(edge)
+
+    @cached_property
+    def frames(self) -> tuple[str, ...]:
+        """All frames, sorted by name."""
+        parents = {edge.parent for edges in self.edges.values() for edge in edges}
+        return tuple(sorted(parents | set(self.edges)))
+
+    def chain(self, frame: str) -> list[Edge]:
+        """Return the edges from a frame up to its root.
+
+        Raises `RecordingError` where a frame on the way has several parents or is its own ancestor.
+        """
+        edges: list[Edge] = []
+        seen = {frame}
+        while frame in self.edges:
+            choices = self.edges[frame]
+            if len(choices) > 1:
+                names = " and ".join(sorted(repr(edge.parent) for edge in choices))
+                raise RecordingError(
+                    f"The TF frame {frame!r} has several parents ({names}), so that no pose can be "
+                    "told; record with one publisher for each frame."
+                )
+            edges.append(choices[0])
+            frame = choices[0].parent
+            if frame in seen:
+                raise RecordingError(
+                    f"The TF frame {frame!r} is its own ancestor, so that no pose can be told; "
+                    "record with one publisher for each frame."
+                )
+            seen.add(frame)
+        return edges
+
+    def root(self, frame: str) -> str:
+        """Return the root of the tree that a frame is in."""
+        chain = self.chain(frame)
+        return chain[-1].parent if chain else frame
+
+    def connected(self, first: str, second: str) -> bool:
+        """Tell whether the first frame is in the tree of the second, and has a place in it."""
+        if first not in self.frames or second not in self.frames:
+            return False
+        root = self.root(second)
+        try:
+            return self.root(first) == root
+        except RecordingError:
+            return False
+
+    def path(self, target: str, source: str) -> tuple[list[Edge], list[Edge]]:
+        """Return the edges up from the target, and up from the source, to where they meet.
+
+        Raises `RecordingError` where the frames are not in one tree.
+        """
+        for frame in (target, source):
+            if frame not in self.frames:
+                raise RecordingError(
+                    f"The TF tree has no frame {frame!r}; its frames are {_listed(self.frames)}."
+                )
+        up_target, up_source = self.chain(target), self.chain(source)
+        ancestors = [target, *(edge.parent for edge in up_target)]
+        ascended = [source, *(edge.parent for edge in up_source)]
+        for steps, frame in enumerate(ascended):
+            if frame in ancestors:
+                return up_target[: ancestors.index(frame)], up_source[:steps]
+        raise RecordingError(
+            f"The TF frames {target!r} and {source!r} are not connected: the one hangs from "
+            f"{ancestors[-1]!r}, the other from {ascended[-1]!r}; record the transforms between."
+        )
+
+    def lookup(self, target: str, source: str, stamps_ns: ArrayLike) -> tuple[Floats, Mask]:
+        """Return ``target_from_source`` (n, 4, 4) at (n,) stamps, and which of them are covered.
+
+        Raises `RecordingError` where the frames are not connected at all.
+        """
+        stamps = np.atleast_1d(np.asarray(stamps_ns, dtype=np.int64))
+        up_target, up_source = self.path(target, source)
+        poses = np.broadcast_to(np.eye(4), (len(stamps), 4, 4))
+        valid = np.ones(len(stamps), dtype=bool)
+        for edge in up_source:
+            edge_poses, covered = edge.at(stamps)
+            poses = edge_poses @ poses
+            valid &= covered
+        back = np.broadcast_to(np.eye(4), (len(stamps), 4, 4))
+        for edge in up_target:
+            edge_poses, covered = edge.at(stamps)
+            back = edge_poses @ back
+            valid &= covered
+        return (_inverses(back) @ poses if up_target else np.array(poses)), valid
+
+    def moving_edges(self, target: str, source: str) -> list[Edge]:
+        """Return the edges between two frames that change over time."""
+        up_target, up_source = self.path(target, source)
+        return [edge for edge in (*up_target, *up_source) if not edge.is_static]
+
+
+class TransformCollector:
+    """Gathers transforms into a `TransformTree`; ``rejected`` counts those that are no poses."""
+
+    def __init__(self) -> None:
+        self.rejected = 0
+        self._samples: dict[tuple[str, str], tuple[array[int], array[float]]] = {}
+        self._moving: set[tuple[str, str]] = set()
+
+    def add(self, transform: TransformStamped) -> None:
+        """Take a transform; of a run of equal ones only the first and the last are kept."""
+        key = (transform.parent_frame, transform.child_frame)
+        values = array("d", (*transform.translation, *transform.rotation))
+        if key[0] == key[1] or not all(key):
+            self.rejected += 1
+            return
+        if not transform.is_static:
+            self._moving.add(key)
+        stamps, poses = self._samples.setdefault(key, (array("q"), array("d")))
+        if poses[-14:] == values * 2 and stamps[-1] <= transform.stamp_ns:
+            stamps[-1] = transform.stamp_ns
+            return
+        stamps.append(transform.stamp_ns)
+        poses.extend(values)
+
+    def tree(self) -> TransformTree:
+        """Return the tree of all that was taken."""
+        edges = []
+        for (parent, child), (stamps, poses) in self._samples.items():
+            edge = self._edge(parent, child, np.array(stamps), np.array(poses).reshape(-1, 7))
+            if edge is not None:
+                edges.append(edge)
+        return TransformTree(edges)
+
+    def _edge(self, parent: str, child: str, stamps: Stamps, poses: Floats) -> Edge | None:
+        # Garbage may hold any number; a place a thousand kilometres off is none.
+        poses = np.where(np.abs(poses) < 1e6, poses, np.nan)
+        norms = np.linalg.norm(poses[:, 3:], axis=1)
+        sound = np.all(np.isfinite(poses), axis=1) & (np.abs(norms - 1) < 0.1)
+        self.rejected += int(np.sum(~sound))
+        if not sound.any():
+            return None
+        stamps, poses, norms = stamps[sound], poses[sound], norms[sound]
+        if (parent, child) not in self._moving or np.ptp(poses, axis=0).max() == 0:
+            # Of several static ones the latest counts, as in tf2.
+            stamps, poses, norms = stamps[-1:], poses[-1:], norms[-1:]
+        # Of several samples with one stamp the first counts, as in tf2.
+        stamps, first = np.unique(stamps, return_index=True)
+        quaternions = poses[first, 3:] / norms[first, None]
+        return Edge(parent, child, stamps, poses[first, :3], quaternions)
+
+
+def slerp(first: Floats, second: Floats, fraction: Floats) -> Floats:
+    """Interpolate (n, 4) unit quaternions on the shorter great circle by (n,) fractions."""
+    cosine = np.sum(first * second, axis=1, keepdims=True)
+    second = np.where(cosine < 0, -second, second)
+    angle = np.arccos(np.clip(np.abs(cosine), 0.0, 1.0))
+    t = fraction[:, None]
+    small = angle < 1e-4  # where the chord is the arc, and the sine no divisor
+    sine = np.where(small, 1.0, np.sin(angle))
+    weight_first = np.where(small, 1 - t, np.sin((1 - t) * angle) / sine)
+    weight_second = np.where(small, t, np.sin(t * angle) / sine)
+    mixed = weight_first * first + weight_second * second
+    return np.asarray(mixed / np.linalg.norm(mixed, axis=1, keepdims=True))
+
+
+def _matrices(translations: Floats, quaternions: Floats) -> Floats:
+    matrices = np.zeros((len(translations), 4, 4))
+    if len(translations):
+        matrices[:, :3, :3] = Rotation.from_quat(quaternions).as_matrix()
+    matrices[:, :3, 3] = translations
+    matrices[:, 3, 3] = 1.0
+    return matrices
+
+
+def _inverses(poses: Floats) -> Floats:
+    inverses = np.zeros_like(poses)
+    turned = np.swapaxes(poses[:, :3, :3], 1, 2)
+    inverses[:, :3, :3] = turned
+    inverses[:, :3, 3] = -(turned @ poses[:, :3, 3:])[..., 0]
+    inverses[:, 3, 3] = 1.0
+    return inverses
+
+
+def _listed(names: Iterable[str], most: int = 12) -> str:
+    names = list(names)
+    shown = ", ".join(names[:most])
+    return f"{shown} and {len(names) - most} more" if len(names) > most else shown or "none"

@@ -1,0 +1,249 @@
+"""What a recording holds and what processing would lack: for a person to read, or as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tablemap.config import TopicsConfig
+from tablemap.errors import ProcessWarning, RecordingError
+from tablemap.recording.container import Container
+from tablemap.recording.decoding import Decoder, DecodingError, Message
+from tablemap.recording.depth import decode_depth, depth_encoding
+from tablemap.recording.frame_roles import FrameNames, find_frames
+from tablemap.recording.frames import TransformCollector, TransformTree
+from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
+from tablemap.recording.rectification import rectification
+from tablemap.recording.sources import open_source
+from tablemap.recording.topics import (
+    Roles,
+    Topic,
+    camera_frame,
+    find_roles,
+    list_topics,
+    missing_roles,
+)
+
+_MOST_SPANS = 64  # parts of the file that are read for the TF tree
+
+
+@dataclass(frozen=True)
+class TopicInfo:
+    """A topic: ``role`` and ``problem`` are None where it has none, ``detail`` may be empty."""
+
+    name: str
+    schema: str
+    encoding: str
+    role: str | None
+    count: int
+    rate_hz: float | None
+    detail: str
+    problem: str | None
+
+
+@dataclass(frozen=True)
+class FrameInfo:
+    """An edge of the TF tree."""
+
+    parent: str
+    child: str
+    is_static: bool
+
+
+@dataclass(frozen=True)
+class RecordingInfo:
+    """What `inspect` found. Times are log times; ``missing`` is empty where processing can start.
+
+    ``frames_sampled`` tells that the transforms of a long recording were read here and there only.
+    """
+
+    path: str
+    size_bytes: int
+    profile: str
+    library: str
+    start_ns: int
+    end_ns: int
+    messages: int
+    topics: tuple[TopicInfo, ...]
+    frames: tuple[FrameInfo, ...]
+    frames_sampled: bool
+    frame_roles: FrameNames | None
+    missing: tuple[str, ...]
+    warnings: tuple[ProcessWarning, ...]
+
+    @property
+    def duration_s(self) -> float:
+        """The time from the first message to the last."""
+        return (self.end_ns - self.start_ns) / 1e9
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all of it as what JSON can hold."""
+        return {**asdict(self), "duration_s": self.duration_s, "processable": not self.missing}
+
+    def tree_lines(self) -> list[str]:
+        """Return the TF tree as indented lines, each frame below its parent."""
+        children: dict[str, list[FrameInfo]] = {}
+        for edge in self.frames:
+            children.setdefault(edge.parent, []).append(edge)
+        roots = sorted(set(children) - {edge.child for edge in self.frames})
+        lines: list[str] = []
+
+        def add(name: str, indent: int, note: str, above: frozenset[str]) -> None:
+            lines.append("  " * indent + name + note)
+            if name not in above:
+                for edge in sorted(children.get(name, []), key=lambda each: each.child):
+                    note = " (static)" if edge.is_static else ""
+                    add(edge.child, indent + 1, note, above | {name})
+
+        # A tree that is one circle has no root; any of its frames shows it.
+        for root in roots or sorted(children)[:1]:
+            add(root, 0, "", frozenset())
+        return lines
+
+
+def inspect(path: Path, *, topics: TopicsConfig | None = None) -> RecordingInfo:
+    """Tell what an MCAP holds, without reading more of it than that takes.
+
+    Raises `RecordingError` where the file is no MCAP, or has not the topics that were asked for.
+    """
+    config = topics or TopicsConfig()
+    warnings: list[ProcessWarning] = []
+    with open_source(path) as file:
+        container = Container(file, warnings=warnings)
+        known = list_topics(container)
+        names = sorted({channel.topic for channel in container.channels.values()})
+        roles, choices = find_roles(known, config, all_names=names)
+        missing = missing_roles(container, roles, known)
+        tree, sampled = _sampled_tree(container, roles)
+        frame_roles: FrameNames | None = None
+        if roles.depth is not None and roles.calibration is not None:
+            missing += _unfit_calibration(roles.depth, roles.calibration)
+            if roles.transforms:
+                frame_roles, problems = _frame_roles(tree, roles, config)
+                missing += problems
+    return RecordingInfo(
+        path=str(path),
+        size_bytes=Path(path).stat().st_size,
+        profile=container.profile,
+        library=container.library,
+        start_ns=container.start_ns,
+        end_ns=container.end_ns,
+        messages=sum(container.counts.values()),
+        topics=_topic_infos(container, known, roles),
+        frames=tuple(
+            FrameInfo(edge.parent, edge.child, edge.is_static)
+            for child in sorted(tree.edges)
+            for edge in tree.edges[child]
+        ),
+        frames_sampled=sampled,
+        frame_roles=frame_roles,
+        missing=tuple(missing),
+        warnings=(*warnings, *choices),
+    )
+
+
+def _topic_infos(
+    container: Container, known: Sequence[Topic], roles: Roles
+) -> tuple[TopicInfo, ...]:
+    by_id = {topic.channel.id: topic for topic in known}
+    role_of = {
+        topic.channel.id: role
+        for role, topic in (
+            ("depth", roles.depth),
+            ("calibration", roles.calibration),
+            ("colour", roles.colour),
+            ("laser", roles.laser),
+            *(("transforms", topic) for topic in roles.transforms),
+        )
+        if topic is not None
+    }
+    duration = (container.end_ns - container.start_ns) / 1e9
+    infos = []
+    for id, channel in container.channels.items():
+        topic = by_id.get(id)
+        count = container.counts[id]
+        infos.append(
+            TopicInfo(
+                channel.topic,
+                channel.schema_name,
+                channel.message_encoding,
+                role_of.get(id),
+                count,
+                (count - 1) / duration if count > 1 and duration > 0 else None,
+                "" if topic is None else _detail(topic.first),
+                None if topic is None else topic.problem,
+            )
+        )
+    return tuple(sorted(infos, key=lambda info: info.name))
+
+
+def _detail(message: Message | None) -> str:
+    """Describe a message in a few words."""
+    if isinstance(message, Image):
+        return f"{message.width} x {message.height} {message.encoding}, in {message.frame_id}"
+    if isinstance(message, CompressedImage):
+        kind = message.format or depth_encoding(message) or "unknown format"
+        return f"{kind}, in {message.frame_id}"
+    if isinstance(message, CameraInfo):
+        distorted = "distorted" if np.any(message.d) else "undistorted"
+        return f"{message.width} x {message.height}, {distorted}, in {message.frame_id}"
+    if isinstance(message, LaserScan):
+        return f"{len(message.ranges)} beams, in {message.frame_id}"
+    return ""
+
+
+def _sampled_tree(container: Container, roles: Roles) -> tuple[TransformTree, bool]:
+    """Read the transforms, of a long recording those of the static topics and of some places."""
+    decoders: dict[int, Decoder] = {}
+    for topic in roles.transforms:
+        if topic.problem is None:
+            decoders[topic.channel.id] = Decoder(topic.channel)
+    static = {id for id, decoder in decoders.items() if "static" in decoder.channel.topic}
+    spans = container.spans_of(decoders)
+    step = max(len(spans) / _MOST_SPANS, 1.0)
+    places = np.arange(0, len(spans), step).astype(int).tolist()
+    chosen = (
+        {spans[place] for place in places}
+        | set(spans[-1:])
+        | set(container.spans_of(static)[:_MOST_SPANS])
+    )
+    collector = TransformCollector()
+    for span in sorted(chosen, key=lambda each: (each.start_ns, each.offset)):
+        for raw in container.span_messages(span, decoders):
+            try:
+                message = decoders[raw.channel_id].decode(raw)
+            except DecodingError:
+                continue  # processing says so; the tree is read from the others
+            if isinstance(message, tuple):
+                for transform in message:
+                    collector.add(transform)
+    return collector.tree(), len(chosen) < len(spans)
+
+
+def _unfit_calibration(depth: Topic, calibration: Topic) -> list[str]:
+    info, image = calibration.first, depth.first
+    assert isinstance(info, CameraInfo)
+    assert isinstance(image, Image | CompressedImage)
+    try:
+        height, width = decode_depth(image).shape
+        rectification(info, width=width, height=height, topic=depth.name)
+    except RecordingError as error:
+        return [str(error)]
+    except DecodingError as error:
+        return [f"The first depth image on {depth.name} {error}."]
+    return []
+
+
+def _frame_roles(
+    tree: TransformTree, roles: Roles, config: TopicsConfig
+) -> tuple[FrameNames | None, list[str]]:
+    camera = camera_frame(roles, tree.frames)
+    laser = roles.laser.frame_id if roles.laser is not None else None
+    try:
+        return find_frames(tree, camera=camera, laser=laser, config=config), []
+    except RecordingError as error:
+        return None, [str(error)]

@@ -1,0 +1,85 @@
+"""The sensor messages that processing knows, whatever wrote them.
+
+Field names are those of ROS; stamps are the header's, in integer nanoseconds; frames are as
+recorded, without a leading slash.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class Image:
+    """A raw image: ``data`` holds ``height`` rows of ``step`` bytes."""
+
+    stamp_ns: int
+    frame_id: str
+    height: int
+    width: int
+    encoding: str
+    is_bigendian: bool
+    step: int
+    data: bytes | memoryview
+
+
+@dataclass(frozen=True, eq=False)
+class CompressedImage:
+    """An encoded image; ``format`` as recorded, for example ``16UC1; compressedDepth png``."""
+
+    stamp_ns: int
+    frame_id: str
+    format: str
+    data: bytes | memoryview
+
+
+@dataclass(frozen=True, eq=False)
+class CameraInfo:
+    """A camera calibration: K (3, 3), D (n,), R (3, 3), P (3, 4), all float64."""
+
+    stamp_ns: int
+    frame_id: str
+    height: int
+    width: int
+    distortion_model: str
+    d: NDArray[np.float64]
+    k: NDArray[np.float64]
+    r: NDArray[np.float64]
+    p: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class LaserScan:
+    """A planar scan. ``ranges`` is (n,) float32 in metres; angles in radians; times in seconds."""
+
+    stamp_ns: int
+    frame_id: str
+    angle_min: float
+    angle_max: float
+    angle_increment: float
+    time_increment: float
+    scan_time: float
+    range_min: float
+    range_max: float
+    ranges: NDArray[np.float32]
+
+    @property
+    def angles(self) -> NDArray[np.float64]:
+        """The (n,) beam angles in the laser's frame."""
+        beams = np.arange(len(self.ranges), dtype=np.float64)
+        return self.angle_min + self.angle_increment * beams
+
+
+@dataclass(frozen=True)
+class TransformStamped:
+    """One edge of the TF tree: translation in metres, rotation as quaternion (x, y, z, w)."""
+
+    stamp_ns: int
+    parent_frame: str
+    child_frame: str
+    translation: tuple[float, float, float]
+    rotation: tuple[float, float, float, float]
+    is_static: bool

@@ -1,0 +1,431 @@
+"""An opened recording: its depth images, scans and poses, streamed by role."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tablemap.config import TopicsConfig
+from tablemap.errors import ProcessWarning, RecordingError
+from tablemap.geometry import Floats, invert
+from tablemap.recording.container import Container
+from tablemap.recording.decoding import Decoder, DecodingError
+from tablemap.recording.depth import decode_depth
+from tablemap.recording.frame_roles import FrameNames, find_frames, ground_pose, pose_stamps
+from tablemap.recording.frames import TransformCollector, TransformTree
+from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
+from tablemap.recording.rectification import Rectification, rectification
+from tablemap.recording.sources import open_source
+from tablemap.recording.topics import (
+    Roles,
+    Topic,
+    camera_frame,
+    find_roles,
+    list_topics,
+    missing_roles,
+)
+
+Stamps = NDArray[np.int64]
+
+_REORDERED = 16  # depth images held back to come out by their stamps
+
+
+@dataclass(frozen=True, eq=False)
+class DepthFrame:
+    """One depth image as recorded and in metres.
+
+    ``depth`` is (height, width) float32 in metres along the optical axis, NaN where nothing was
+    measured, undistorted to the pinhole ``k`` (3, 3). ``message`` is what was recorded (to be
+    passed on undecoded), ``base_from_camera`` (4, 4) the optical frame's pose in the base then.
+    """
+
+    stamp_ns: int
+    depth: NDArray[np.float32]
+    k: Floats
+    message: Image | CompressedImage
+    base_from_camera: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class _Stamped:
+    """A channel's messages by header stamp: (n,) stamps ascending, and their (n,) log times."""
+
+    stamps_ns: Stamps
+    log_times_ns: Stamps
+
+
+class Recording:
+    """An opened recording. Iterators stream; nothing but the TF tree and the index is kept.
+
+    Everything that goes wrong on the way (cut files, bad checksums, undecodable messages) is
+    appended to ``warnings`` as it is met. Close it, or use it as a context manager.
+    """
+
+    path: Path
+    names: FrameNames
+    start_ns: int
+    end_ns: int
+    warnings: list[ProcessWarning]
+
+    def __init__(self, path: Path, file: BinaryIO, *, topics: TopicsConfig) -> None:
+        self.path = path
+        self.warnings = []
+        self._file = file
+        self._said: set[str] = set()
+        self.container = Container(file, warnings=self.warnings)
+        self.roles, choices = _roles(self.container, topics, self.warnings)
+        self.warnings.extend(choices)
+        assert self.roles.depth is not None
+        assert self.roles.calibration is not None
+        self._decoders = {
+            topic.channel.id: Decoder(topic.channel)
+            for topic in (self.roles.depth, self.roles.colour, self.roles.laser)
+            if topic is not None
+        }
+        self._depth, self._colour, self._laser, self.tree = self._survey()
+        self._rectifications: dict[tuple[int, int], Rectification] = {}
+        self._check_first_depth()
+        self.names = self._find_frames(topics)
+        self._pose_stamps = pose_stamps(self.tree, self.names.fixed, self._carrier)
+        self.start_ns, self.end_ns = self._span()
+
+    # What is in it.
+
+    def depth_stamps(self) -> Stamps:
+        """Return the (n,) header stamps of all depth images, ascending, without decoding them."""
+        return self._depth.stamps_ns
+
+    def scan_stamps(self) -> Stamps:
+        """Return the (n,) header stamps of all laser scans, ascending, without decoding them."""
+        return self._laser.stamps_ns
+
+    def pose_stamps(self) -> Stamps:
+        """Return the (n,) stamps at which the localised pose was recorded, ascending."""
+        return self._pose_stamps
+
+    def camera_info(self) -> CameraInfo:
+        """Return the depth camera's calibration as recorded."""
+        assert self.roles.calibration is not None
+        info = self.roles.calibration.first
+        assert isinstance(info, CameraInfo)
+        return info
+
+    # Images and scans.
+
+    def depth_frames(self, stamps_ns: ArrayLike | None = None) -> Iterator[DepthFrame]:
+        """Yield depth images in time order, only those with the given stamps if any are given.
+
+        An image that cannot be decoded, or has no pose at its stamp, is left out with a warning.
+        """
+        assert self.roles.depth is not None
+        topic = self.roles.depth.name
+        due = _only(self._depth, stamps_ns)
+        placed = self._base_from(self.names.camera, due.stamps_ns)
+        order = {int(stamp): place for place, stamp in enumerate(due.stamps_ns)}
+        unplaced = 0
+        for message in self._in_order(self.roles.depth, due):
+            assert isinstance(message, Image | CompressedImage)
+            place = order[message.stamp_ns]
+            if not placed[1][place]:
+                unplaced += 1
+                continue
+            try:
+                depth = decode_depth(message)
+            except DecodingError as error:
+                self._say_undecoded(topic, error)
+                continue
+            rectified = self._rectification(depth.shape[1], depth.shape[0])
+            yield DepthFrame(
+                message.stamp_ns,
+                rectified.apply(depth),
+                rectified.k,
+                message,
+                placed[0][place],
+            )
+        if unplaced:
+            self._say_once(
+                "recording.no_pose",
+                f"{unplaced} of {len(due.stamps_ns)} depth images were left out, for the camera "
+                "has no pose at their stamps.",
+            )
+
+    def colour_near(
+        self, stamps_ns: ArrayLike, tolerance_ns: int = 100_000_000
+    ) -> dict[int, Image | CompressedImage]:
+        """Return, for each given stamp, the colour image nearest in time (absent: no key)."""
+        wanted = np.atleast_1d(np.asarray(stamps_ns, dtype=np.int64))
+        have = self._colour.stamps_ns
+        if self.roles.colour is None or len(have) == 0 or len(wanted) == 0:
+            return {}
+        after = np.clip(np.searchsorted(have, wanted), 0, len(have) - 1)
+        before = np.maximum(after - 1, 0)
+        nearer = np.abs(have[before] - wanted) <= np.abs(have[after] - wanted)
+        nearest = np.where(nearer, before, after)
+        close = np.abs(have[nearest] - wanted) <= tolerance_ns
+        due = _only(self._colour, have[nearest[close]])
+        images = {
+            message.stamp_ns: message
+            for message in self._in_order(self.roles.colour, due)
+            if isinstance(message, Image | CompressedImage)
+        }
+        return {
+            int(stamp): images[int(have[place])]
+            for stamp, place in zip(wanted[close], nearest[close], strict=True)
+            if int(have[place]) in images
+        }
+
+    def scans(
+        self,
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+        *,
+        stamps_ns: ArrayLike | None = None,
+    ) -> Iterator[LaserScan]:
+        """Yield laser scans in time order (none without a laser), only those asked for.
+
+        That is those with header stamps in [start, end], or with the given stamps.
+        """
+        if self.roles.laser is None or self.names.laser is None:
+            return
+        due = _only(self._laser, stamps_ns)
+        first = 0 if start_ns is None else int(np.searchsorted(due.stamps_ns, start_ns))
+        last = None if end_ns is None else int(np.searchsorted(due.stamps_ns, end_ns, "right"))
+        due = _Stamped(due.stamps_ns[first:last], due.log_times_ns[first:last])
+        for message in self._in_order(self.roles.laser, due):
+            assert isinstance(message, LaserScan)
+            yield message
+
+    # Poses.
+
+    def base_from_laser(self, stamp_ns: int) -> Floats:
+        """Return the (4, 4) pose of the laser in the base.
+
+        Raises `RecordingError` without a laser, or where its pose is not known at the stamp.
+        """
+        if self.names.laser is None:
+            raise RecordingError("The recording has no laser whose place is known.")
+        poses, valid = self._base_from(self.names.laser, np.array([stamp_ns]))
+        if not valid[0]:
+            raise RecordingError(f"The laser's pose is not known at {stamp_ns} ns.")
+        return np.array(poses[0])
+
+    def fixed_from_base(self, stamp_ns: int) -> Floats | None:
+        """Return the localised (4, 4) pose of the base, or None where it is not known."""
+        poses, valid = self.fixed_from_bases([stamp_ns])
+        return poses[0] if valid[0] else None
+
+    def fixed_from_bases(self, stamps_ns: ArrayLike) -> tuple[Floats, NDArray[np.bool_]]:
+        """Return the localised (n, 4, 4) poses at (n,) stamps, and which of them are known."""
+        stamps = np.asarray(stamps_ns, dtype=np.int64)
+        poses, valid = self.tree.lookup(self.names.fixed, self._carrier, stamps)
+        return (ground_pose(poses) if self.names.base_is_virtual else poses), valid
+
+    def odom_from_base(self, stamp_ns: int) -> Floats | None:
+        """Return the wheel odometry's (4, 4) pose, or None without one."""
+        poses, valid = self.odom_from_bases([stamp_ns])
+        return poses[0] if valid[0] else None
+
+    def odom_from_bases(self, stamps_ns: ArrayLike) -> tuple[Floats, NDArray[np.bool_]]:
+        """Return the wheel odometry's (n, 4, 4) poses, and which of them are known."""
+        stamps = np.asarray(stamps_ns, dtype=np.int64)
+        if self.names.odom is None:
+            nowhere = np.broadcast_to(np.eye(4), (len(stamps), 4, 4))
+            return nowhere, np.zeros(len(stamps), dtype=bool)
+        poses, valid = self.tree.lookup(self.names.odom, self._carrier, stamps)
+        if self.names.base_is_virtual:
+            carried, known = self._base_from(self.names.camera, stamps)
+            poses = poses @ np.linalg.inv(carried)
+            valid = valid & known
+        return poses, valid
+
+    @property
+    def _carrier(self) -> str:
+        """The frame of the TF tree that the base is, or is derived from."""
+        return self.names.camera if self.names.base_is_virtual else self.names.base
+
+    def _base_from(self, frame: str, stamps_ns: Stamps) -> tuple[Floats, NDArray[np.bool_]]:
+        if not self.names.base_is_virtual:
+            return self.tree.lookup(self.names.base, frame, stamps_ns)
+        bases, valid = self.fixed_from_bases(stamps_ns)
+        poses, known = self.tree.lookup(self.names.fixed, frame, stamps_ns)
+        inverse = np.array([invert(base) for base in bases]).reshape(-1, 4, 4)
+        return inverse @ poses, valid & known
+
+    # Opening.
+
+    def _survey(self) -> tuple[_Stamped, _Stamped, _Stamped, TransformTree]:
+        """Read the recording once for all transforms and for the stamps of images and scans."""
+        transforms: dict[int, Decoder] = {}
+        for topic in self.roles.transforms:
+            if topic.first is not None:
+                transforms[topic.channel.id] = Decoder(topic.channel)
+            elif topic.count:
+                self._say_undecoded(topic.name, DecodingError(topic.problem or "cannot be read"))
+        stamped: dict[int, list[tuple[int, int]]] = {id: [] for id in self._decoders}
+        collector = TransformCollector()
+        for raw in self.container.messages({*transforms, *stamped}):
+            try:
+                if raw.channel_id in transforms:
+                    message = transforms[raw.channel_id].decode(raw)
+                    assert isinstance(message, tuple)
+                    for transform in message:
+                        collector.add(transform)
+                else:
+                    decoder = self._decoders[raw.channel_id]
+                    stamped[raw.channel_id].append((decoder.stamp_ns(raw), raw.log_time_ns))
+            except DecodingError as error:
+                self._say_undecoded(self.container.channels[raw.channel_id].topic, error)
+        tree = collector.tree()
+        if collector.rejected:
+            self._say_once(
+                "recording.damaged",
+                f"{collector.rejected} transforms were left out, for they are no rigid motions.",
+            )
+        depth, colour, laser = (
+            _by_stamp(stamped[topic.channel.id] if topic is not None else [])
+            for topic in (self.roles.depth, self.roles.colour, self.roles.laser)
+        )
+        return depth, colour, laser, tree
+
+    def _check_first_depth(self) -> None:
+        """Raise where the calibration does not fit the images, before anything is computed."""
+        assert self.roles.depth is not None
+        for message in self._in_order(self.roles.depth, self._depth):
+            assert isinstance(message, Image | CompressedImage)
+            try:
+                height, width = decode_depth(message).shape
+            except DecodingError as error:
+                self._say_undecoded(self.roles.depth.name, error)
+                continue
+            self._rectification(width, height)
+            return
+        raise RecordingError(
+            f"None of the depth images on {self.roles.depth.name} can be decoded; "
+            "the recording has no depth that could be used."
+        )
+
+    def _find_frames(self, config: TopicsConfig) -> FrameNames:
+        camera = camera_frame(self.roles, self.tree.frames)
+        laser = self.roles.laser.frame_id if self.roles.laser is not None else None
+        names = find_frames(self.tree, camera=camera, laser=laser, config=config)
+        if self.roles.laser is not None and names.laser is None:
+            self._say_once(
+                "recording.no_pose",
+                f"The laser on {self.roles.laser.name} was not used: its frame "
+                f"{self.roles.laser.frame_id!r} is not connected to the base in TF.",
+            )
+        return names
+
+    def _span(self) -> tuple[int, int]:
+        stamps = [s.stamps_ns for s in (self._depth, self._laser) if len(s.stamps_ns)]
+        return min(int(s[0]) for s in stamps), max(int(s[-1]) for s in stamps)
+
+    def _rectification(self, width: int, height: int) -> Rectification:
+        if (width, height) not in self._rectifications:
+            assert self.roles.depth is not None
+            self._rectifications[width, height] = rectification(
+                self.camera_info(), width=width, height=height, topic=self.roles.depth.name
+            )
+        return self._rectifications[width, height]
+
+    def _in_order(
+        self, topic: Topic, due: _Stamped
+    ) -> Iterator[Image | CompressedImage | CameraInfo | LaserScan]:
+        """Yield a topic's messages of the stamps that are due, decoded, by their stamps."""
+        decoder = self._decoders[topic.channel.id]
+        waiting: dict[int, Image | CompressedImage | CameraInfo | LaserScan] = {}
+        expected = dict.fromkeys(due.stamps_ns.tolist())
+        for raw in self.container.messages([topic.channel.id], log_times_ns=due.log_times_ns):
+            try:
+                message = decoder.decode(raw)
+            except DecodingError as error:
+                self._say_undecoded(topic.name, error)
+                continue
+            if isinstance(message, tuple) or message.stamp_ns not in expected:
+                continue
+            waiting[message.stamp_ns] = message
+            while waiting:
+                first = next(iter(expected))
+                if first not in waiting and len(waiting) <= _REORDERED:
+                    break
+                first = min(waiting)
+                del expected[first]
+                yield waiting.pop(first)
+        for stamp in sorted(waiting):
+            yield waiting[stamp]
+
+    def _say_undecoded(self, topic: str, error: DecodingError) -> None:
+        self._say_once("recording.damaged", f"A message on {topic} was left out: it {error}.")
+
+    def _say_once(self, code: str, message: str) -> None:
+        if message not in self._said:
+            self._said.add(message)
+            self.warnings.append(ProcessWarning(code, "recording", message))
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def _by_stamp(pairs: list[tuple[int, int]]) -> _Stamped:
+    """Sort (stamp, log time) pairs; of several messages with one stamp the first counts."""
+    array = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    stamps, first = np.unique(array[:, 0], return_index=True)
+    return _Stamped(stamps, array[first, 1])
+
+
+def _only(have: _Stamped, stamps_ns: ArrayLike | None) -> _Stamped:
+    """Return those of the given stamps alone, or all where none are given."""
+    if stamps_ns is None:
+        return have
+    kept = np.isin(have.stamps_ns, np.asarray(stamps_ns, dtype=np.int64))
+    return _Stamped(have.stamps_ns[kept], have.log_times_ns[kept])
+
+
+def open_recording(path: Path, *, topics: TopicsConfig | None = None) -> Recording:
+    """Open a recording, find its topics by role, and read its TF tree.
+
+    Raises `RecordingError` where the file is no MCAP, or lacks depth, its calibration or a pose.
+    """
+    file = open_source(path)
+    try:
+        return Recording(path, file, topics=topics or TopicsConfig())
+    except BaseException:
+        file.close()
+        raise
+
+
+def sha256(path: Path) -> str:
+    """Return a file's SHA-256, read in pieces."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _roles(
+    container: Container, config: TopicsConfig, warnings: list[ProcessWarning]
+) -> tuple[Roles, list[ProcessWarning]]:
+    topics = list_topics(container)
+    names = sorted({channel.topic for channel in container.channels.values()})
+    roles, choices = find_roles(topics, config, all_names=names)
+    missing = missing_roles(container, roles, topics)
+    if missing:
+        raise RecordingError(missing[0])
+    return roles, choices

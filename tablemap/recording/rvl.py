@@ -1,0 +1,55 @@
+"""Depth images compressed by runs and variable-length differences (RVL).
+
+Wilson, "Fast lossless depth image compression" (ISS 2017): runs of zeros and of values alternate;
+run lengths and the zigzag-coded differences of successive values are written in nibbles of three
+bits and a continuation bit, least significant first, eight to a little-endian word, topmost first.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def decode_rvl(data: bytes | memoryview, *, pixels: int) -> NDArray[np.uint16]:
+    """Return the (pixels,) values; raises ValueError where the data does not give that many."""
+    values = _variable_length(np.frombuffer(data, dtype="<u4", count=len(data) // 4))
+    starts, lengths, places = [], [], []
+    at = filled = 0
+    while filled < pixels:
+        if at + 2 > len(values):
+            raise ValueError("the RVL data ends too early")
+        zeros, nonzeros = int(values[at]), int(values[at + 1])
+        filled += zeros
+        starts.append(at + 2)
+        lengths.append(nonzeros)
+        places.append(filled)
+        filled += nonzeros
+        at += 2 + nonzeros
+    if filled != pixels or at > len(values):
+        raise ValueError("the RVL runs do not fill the image")
+    run_starts, run_lengths = np.array(starts, np.int64), np.array(lengths, np.int64)
+    within = np.arange(run_lengths.sum()) - np.repeat(
+        np.cumsum(run_lengths) - run_lengths, run_lengths
+    )
+    coded = values[np.repeat(run_starts, run_lengths) + within]
+    differences = (coded >> 1) ^ -(coded & 1)
+    image = np.zeros(pixels, dtype=np.uint16)
+    target = np.repeat(np.array(places, np.int64), run_lengths) + within
+    image[target] = (np.cumsum(differences) & 0xFFFF).astype(np.uint16)
+    return image
+
+
+def _variable_length(words: NDArray[np.uint32]) -> NDArray[np.int64]:
+    """Return all numbers of the stream: a nibble without the continuation bit ends each."""
+    shifts = np.arange(28, -4, -4, dtype=np.uint32)
+    nibbles = ((words[:, None] >> shifts) & 0xF).astype(np.int64).ravel()
+    ends = np.flatnonzero(nibbles < 8)
+    if len(ends) == 0:
+        return np.zeros(0, np.int64)
+    nibbles = nibbles[: ends[-1] + 1]
+    begins = np.concatenate([[0], ends[:-1] + 1])
+    position = np.arange(len(nibbles)) - np.repeat(begins, ends - begins + 1)
+    if position.max() > 10:
+        raise ValueError("an RVL number is longer than 32 bits")
+    return np.add.reduceat((nibbles & 7) << (3 * position), begins)

@@ -1,0 +1,50 @@
+"""From what the user names to a seekable binary file, or a sentence that says why not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import BinaryIO
+
+from tablemap.errors import RecordingError
+from tablemap.recording.index import MAGIC
+
+_OTHER_FORMATS = {
+    b"#ROSBAG V": "a ROS 1 bag; convert it with `mcap convert IN.bag OUT.mcap`",
+    b"SQLite format 3\0": "a ROS 2 bag in SQLite; convert it with `mcap convert IN.db3 OUT.mcap`",
+    b"RRF2": "a Rerun recording, which is a result of processing and no input of it",
+    b"\x1f\x8b": "packed with gzip; unpack it first",
+    b"\x28\xb5\x2f\xfd": "packed with zstd; unpack it first",
+    b"PK\x03\x04": "a zip archive; unpack it first",
+}
+
+
+def open_source(path: Path) -> BinaryIO:
+    """Open a recording's file. Raises `RecordingError` where it is no MCAP that can be read."""
+    path = Path(path)
+    if path.is_dir():
+        inside = sorted(each.name for each in path.glob("*.mcap"))
+        hint = f"name the file inside: {', '.join(inside[:3])}" if inside else "it has none inside"
+        raise RecordingError(f"Expected an MCAP file and found a folder; {hint}: {path}")
+    try:
+        file = path.open("rb")
+    except FileNotFoundError:
+        raise RecordingError(f"There is no such file: {path}") from None
+    except OSError as error:
+        reason = error.strerror or error
+        raise RecordingError(f"The file cannot be opened ({reason}): {path}") from error
+    start = file.read(64)
+    if start.startswith(MAGIC):
+        return file
+    file.close()
+    if not start:
+        raise RecordingError(f"Expected an MCAP file and found an empty one: {path}")
+    for signature, what in _OTHER_FORMATS.items():
+        if start.startswith(signature):
+            raise RecordingError(f"Expected an MCAP file and found {what}: {path}")
+    what = "text" if _is_text(start) else "something else"
+    raise RecordingError(f"Expected an MCAP file and found {what}: {path}")
+
+
+def _is_text(start: bytes) -> bool:
+    # A multi-byte letter may be cut at the end of what was read.
+    return b"\0" not in start and "�" not in start.decode(errors="replace")[:-1]

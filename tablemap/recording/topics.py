@@ -1,0 +1,364 @@
+"""Which channel is depth, calibration, colour, laser, pose: by schema, then by name and camera.
+
+A camera is told by a topic's name without the words for what it shows:
+``/head_rgbd_sensor/depth_registered/image`` and ``/head_rgbd_sensor/rgb/image_raw`` are of
+``head_rgbd_sensor``. Depth is 16UC1, mono16 or 32FC1 and not called infrared, confidence or the
+like. Where several fit, the rules are those of `_depth_rank`, `_calibration_rank`, `_colour_rank`
+and `_laser_rank`, and a choice between different sensors is said.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+
+from tablemap.config import TopicsConfig
+from tablemap.errors import ProcessWarning, RecordingError
+from tablemap.recording.container import Channel, Container
+from tablemap.recording.decoding import (
+    TRANSFORMS,
+    Decoder,
+    DecodingError,
+    Message,
+    kind_of,
+)
+from tablemap.recording.depth import depth_encoding, is_lossless
+from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
+
+_NO_DEPTH = {
+    *("confidence", "ir", "infra", "infra1", "infra2", "infrared", "disparity", "thermal"),
+    *("amplitude", "intensity", "mask", "label", "labels", "segmentation", "semantic", "noise"),
+}
+_SHOWN = {
+    *("depth", "rgb", "color", "colour", "ir", "infra", "infra1", "infra2", "infrared", "stereo"),
+    *("left", "right", "image", "raw", "rect", "registered", "unregistered", "aligned", "to", "hw"),
+    *("sw", "compresseddepth", "compressed", "rvl", "calibration", "confidence", "info", "mono"),
+}
+_TRANSPORTS = ("compressedDepth", "compressed", "rvl", "theora", "zstd")
+_COLOURS = ("rgb", "bgr", "mono8", "8uc3", "8uc4", "bayer", "yuv", "uyvy", "yuyv", "nv12", "nv21")
+
+
+@dataclass(frozen=True, eq=False)
+class Topic:
+    """A channel that processing knows, and its first message (None: it has none that decodes)."""
+
+    channel: Channel
+    kind: str
+    count: int
+    first: Message | None
+    problem: str | None = None
+
+    @property
+    def name(self) -> str:
+        """The topic's name."""
+        return self.channel.topic
+
+    @property
+    def frame_id(self) -> str:
+        """The frame of the first message, empty for transforms."""
+        return "" if self.first is None or isinstance(self.first, tuple) else self.first.frame_id
+
+    @property
+    def words(self) -> set[str]:
+        """The words in the topic's name, in small letters."""
+        return set(re.split(r"[^a-z0-9]+", self.name.lower()))
+
+    @property
+    def camera(self) -> str:
+        """What is left of the topic's name without the words for what it shows."""
+        parts = [part for part in self.name.split("/") if part not in ("camera_info", "")]
+        left = ("_".join(w for w in p.split("_") if w.lower() not in _SHOWN) for p in parts)
+        return "/".join(part for part in left if part)
+
+    @property
+    def folder(self) -> str:
+        """What the topic's siblings begin with, its transport taken off."""
+        parts = self.name.split("/")
+        if parts[-1] in _TRANSPORTS:
+            parts = parts[:-1]
+        return "/".join(parts[:-1])
+
+
+@dataclass(frozen=True, eq=False)
+class Roles:
+    """The topics by role; None where the recording has none for it."""
+
+    depth: Topic | None
+    calibration: Topic | None
+    colour: Topic | None
+    laser: Topic | None
+    transforms: tuple[Topic, ...]
+
+
+def list_topics(container: Container) -> list[Topic]:
+    """Return the channels that processing knows, each with its first message."""
+    topics = []
+    for channel in container.channels.values():
+        kind = kind_of(channel)
+        if kind is not None:
+            first, problem = _first_message(container, channel)
+            topics.append(Topic(channel, kind, container.counts[channel.id], first, problem))
+    return topics
+
+
+def _first_message(container: Container, channel: Channel) -> tuple[Message | None, str | None]:
+    if not container.counts[channel.id]:
+        return None, "has no messages"
+    problem = "has no message that could be read"
+    try:
+        decoder = Decoder(channel)
+        for tried, raw in enumerate(container.messages([channel.id])):
+            try:
+                return decoder.decode(raw), None
+            except DecodingError as error:
+                problem = str(error)
+            if tried >= 10:
+                break
+    except DecodingError as error:
+        problem = str(error)
+    return None, problem
+
+
+def find_roles(
+    topics: Sequence[Topic], config: TopicsConfig, *, all_names: Sequence[str] = ()
+) -> tuple[Roles, list[ProcessWarning]]:
+    """Choose a topic for each role, and say where several sensors fitted.
+
+    Raises `RecordingError` where a topic that was asked for does not exist or cannot play its role.
+    """
+    warnings: list[ProcessWarning] = []
+    names = sorted({*all_names, *(topic.name for topic in topics)})
+
+    def given(role: str, name: str, fits: Callable[[Topic], bool]) -> Topic | None:
+        return _given(topics, names, role=role, name=name, fits=fits) if name else None
+
+    calibrations = [topic for topic in topics if isinstance(topic.first, CameraInfo)]
+    depth = given("depth", config.depth, shows_depth)
+    if depth is None:
+        images = [topic for topic in topics if shows_depth(topic) and not topic.words & _NO_DEPTH]
+        most = max((topic.count for topic in images), default=0)
+        ranked = sorted(images, key=lambda topic: _depth_rank(topic, calibrations, most))
+        depth = ranked[0] if ranked else None
+        cameras = _distinct(ranked, lambda topic: topic.camera)
+        _say_choice(warnings, "depth", [topic.name for topic in cameras])
+    if depth is None:
+        laser = given("laser", config.laser, lambda topic: isinstance(topic.first, LaserScan))
+        return Roles(None, None, None, laser or _laser(topics, warnings), _tf(topics)), warnings
+
+    calibration = given("calibration", config.calibration, lambda topic: topic in calibrations)
+    if calibration is None and calibrations:
+        calibration = min(calibrations, key=lambda topic: _calibration_rank(topic, depth))
+        if _calibration_rank(calibration, depth)[0] >= _SAME_CAMERA:
+            warnings.append(
+                ProcessWarning(
+                    "recording.topic_choice",
+                    "recording",
+                    f"No calibration lies beside {depth.name} or in its frame; {calibration.name} "
+                    "was taken, and may be another camera's (--set topics.calibration=TOPIC).",
+                )
+            )
+    colour = given("colour", config.colour, shows_colour)
+    if colour is None:
+        colours = [topic for topic in topics if shows_colour(topic)]
+        related = [t for t in colours if t.camera == depth.camera or t.frame_id == depth.frame_id]
+        if related or len({topic.camera for topic in colours}) == 1:
+            colour = min(related or colours, key=lambda topic: _colour_rank(topic, depth))
+    laser = given("laser", config.laser, lambda topic: isinstance(topic.first, LaserScan))
+    if laser is None:
+        laser = _laser(topics, warnings)
+    return Roles(depth, calibration, colour, laser, _tf(topics)), warnings
+
+
+def shows_depth(topic: Topic) -> bool:
+    """Tell whether a topic's images may hold depth, by their encoding."""
+    return isinstance(topic.first, Image | CompressedImage) and (
+        depth_encoding(topic.first) is not None
+    )
+
+
+def shows_colour(topic: Topic) -> bool:
+    """Tell whether a topic's images are pictures."""
+    if isinstance(topic.first, Image):
+        return topic.first.encoding.lower().startswith(_COLOURS) and not topic.words & _NO_DEPTH
+    return (
+        isinstance(topic.first, CompressedImage)
+        and depth_encoding(topic.first) is None
+        and not topic.words & _NO_DEPTH
+        and "depth" not in topic.words
+    )
+
+
+def _depth_rank(topic: Topic, calibrations: Sequence[Topic], most: int) -> tuple[object, ...]:
+    """Rank depth topics, best first.
+
+    With a calibration of its own; called depth; registered to colour; a head's, not a hand's;
+    complete; rectified; as the camera gave it; not encoded; then by name.
+    """
+    name = topic.name.lower()
+    best = min((_calibration_rank(c, topic)[0] for c in calibrations), default=_UNRELATED)
+    assert isinstance(topic.first, Image | CompressedImage)
+    return (
+        best == _UNRELATED,
+        "depth" not in name,
+        not ("registered" in name or "aligned" in name),
+        "head" not in name,
+        bool({"hand", "wrist", "arm", "gripper", "base", "back", "rear"} & topic.words),
+        topic.count < 0.8 * most,
+        "rect" not in topic.words,
+        not is_lossless(topic.first),
+        not isinstance(topic.first, Image),
+        depth_encoding(topic.first) != "16UC1",
+        topic.name,
+    )
+
+
+_SIBLING, _SAME_FRAME, _SAME_CAMERA, _UNRELATED = range(4)
+
+
+def _calibration_rank(topic: Topic, depth: Topic) -> tuple[int, bool, int, str]:
+    """Rank calibrations for a depth topic, best first.
+
+    Its sibling; one in the same frame; one of the same camera; then of the same size, and of the
+    most alike name.
+    """
+    if topic.folder == depth.folder:
+        relation = _SIBLING
+    elif topic.frame_id and topic.frame_id == depth.frame_id:
+        relation = _SAME_FRAME
+    elif topic.camera and topic.camera == depth.camera:
+        relation = _SAME_CAMERA
+    else:
+        relation = _UNRELATED
+    return relation, not _same_size(topic, depth), -_alike(topic.name, depth.name), topic.name
+
+
+def _colour_rank(topic: Topic, depth: Topic) -> tuple[object, ...]:
+    """Rank colour topics: in the depth's frame, of its camera, encoded, rectified, by name."""
+    return (
+        topic.frame_id != depth.frame_id,
+        topic.camera != depth.camera,
+        not isinstance(topic.first, CompressedImage),
+        "rect" not in topic.words,
+        topic.name,
+    )
+
+
+def _laser(topics: Sequence[Topic], warnings: list[ProcessWarning]) -> Topic | None:
+    """Choose the laser; several topics in one frame are one laser."""
+    scans = sorted((t for t in topics if isinstance(t.first, LaserScan)), key=_laser_rank)
+    _say_choice(warnings, "laser", [t.name for t in _distinct(scans, lambda t: t.frame_id)])
+    return scans[0] if scans else None
+
+
+def _laser_rank(topic: Topic) -> tuple[object, ...]:
+    """Rank lasers: not made of depth, a base's, unfiltered, wide, with many scans, by name."""
+    scan = topic.first
+    assert isinstance(scan, LaserScan)
+    return (
+        bool({"depth", "camera", "rgbd", "virtual", "fake"} & topic.words),
+        "base" not in topic.words,
+        bool({"filtered", "filter"} & topic.words),
+        -round(abs(scan.angle_max - scan.angle_min), 1),
+        -topic.count,
+        topic.name,
+    )
+
+
+def _tf(topics: Sequence[Topic]) -> tuple[Topic, ...]:
+    return tuple(topic for topic in topics if topic.kind == TRANSFORMS)
+
+
+def _given(
+    topics: Sequence[Topic],
+    names: Sequence[str],
+    *,
+    role: str,
+    name: str,
+    fits: Callable[[Topic], bool],
+) -> Topic:
+    named = [topic for topic in topics if topic.name.strip("/") == name.strip("/")]
+    for topic in named:
+        if fits(topic):
+            return topic
+    if named or name in names:
+        what = named[0].problem if named and named[0].problem else "does not hold what it takes"
+        raise RecordingError(f"The topic {name!r} cannot be taken for {role}: it {what}.")
+    near = difflib.get_close_matches(name, names, n=3, cutoff=0.4)
+    hint = f"did you mean {' or '.join(near)}?" if near else f"it has {', '.join(names) or 'none'}."
+    raise RecordingError(f"The recording has no topic {name!r} for {role}; {hint}")
+
+
+def _say_choice(warnings: list[ProcessWarning], role: str, names: Sequence[str]) -> None:
+    if len(names) > 1:
+        warnings.append(
+            ProcessWarning(
+                "recording.topic_choice",
+                "recording",
+                f"Of {len(names)} topics that could be {role}, {names[0]} was chosen; "
+                f"--set topics.{role}=TOPIC takes another ({', '.join(names[1:])}).",
+            )
+        )
+
+
+def _distinct(topics: Sequence[Topic], key: Callable[[Topic], str]) -> list[Topic]:
+    """Return the first topic of each key."""
+    firsts: dict[str, Topic] = {}
+    for topic in topics:
+        firsts.setdefault(key(topic), topic)
+    return list(firsts.values())
+
+
+def _same_size(calibration: Topic, depth: Topic) -> bool:
+    info, image = calibration.first, depth.first
+    if not isinstance(info, CameraInfo) or not isinstance(image, Image):
+        return True
+    return (info.width, info.height) == (image.width, image.height)
+
+
+def _alike(first: str, second: str) -> int:
+    """Return how many characters two names begin with in common."""
+    return next(
+        (i for i, (a, b) in enumerate(zip(first, second, strict=False)) if a != b),
+        min(len(first), len(second)),
+    )
+
+
+def camera_frame(roles: Roles, frames: Collection[str]) -> str:
+    """Return the depth camera's frame: the images', or the calibration's if TF has only that."""
+    assert roles.depth is not None
+    assert roles.calibration is not None
+    own, calibrated = roles.depth.frame_id, roles.calibration.frame_id
+    return calibrated if calibrated and own not in frames and calibrated in frames else own
+
+
+def missing_roles(container: Container, roles: Roles, topics: Sequence[Topic]) -> list[str]:
+    """Return what processing would lack, a sentence each with what to do."""
+    schemas = {channel.schema_name for channel in container.channels.values()}
+    listed = ", ".join(
+        f"{channel.topic} ({channel.schema_name or channel.message_encoding})"
+        for channel in sorted(container.channels.values(), key=lambda each: each.topic)
+    )
+    has = f"the recording has {listed or 'no topics'}"
+    missing = []
+    if roles.depth is None:
+        problems = [f"{t.name} {t.problem}" for t in topics if t.problem and t.kind != TRANSFORMS]
+        if any("PointCloud" in name for name in schemas):
+            advice = "a point cloud alone is not read: record the depth image that it was made of"
+        elif problems:
+            advice = f"of its topics, {'; '.join(problems)}"
+        else:
+            advice = "record the camera's depth topic (16UC1, 32FC1 or compressedDepth)"
+        missing.append(f"No topic with depth images was found; {advice}; {has}.")
+    if roles.calibration is None:
+        missing.append(
+            "No calibration of the depth camera was found (sensor_msgs/CameraInfo or "
+            f"foxglove.CameraCalibration); record its camera_info topic; {has}."
+        )
+    if not roles.transforms:
+        missing.append(
+            "No poses were found (/tf, /tf_static or foxglove.FrameTransforms); record them with "
+            f"the localisation running; {has}."
+        )
+    return missing

@@ -1,0 +1,283 @@
+"""Every encoding of depth, and every writer's file, gives the same metres, scans and poses."""
+
+from __future__ import annotations
+
+import io
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import foxglove
+import numpy as np
+import pytest
+from foxglove import channels as fc
+from foxglove import messages as fm
+from mcap.reader import make_reader
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Rosbag2Writer
+
+from tablemap.recording import Recording, inspect, open_recording
+from tablemap.recording.container import Container
+from tablemap.recording.decoding import Decoder, DecodingError
+from tests.recording import writing as w
+
+
+def check_drive(recording: Recording, *, depth_tolerance: float = 1e-6) -> None:
+    """Check images, calibration, scans, poses and frames against what was written."""
+    names = recording.names
+    assert (names.fixed, names.odom, names.base) == ("map", "odom", "base_footprint")
+    assert (names.camera, names.laser) == (w.CAMERA, w.LASER)
+    frames = list(recording.depth_frames())
+    assert [f.stamp_ns for f in frames] == [w.START_NS + i * w.SECOND for i in range(w.IMAGES)]
+    assert np.array_equal(recording.depth_stamps(), [f.stamp_ns for f in frames])
+    for frame in frames:
+        assert frame.depth.dtype == np.float32
+        assert np.array_equal(np.isnan(frame.depth), np.isnan(w.plane()))
+        assert np.nanmax(np.abs(frame.depth - w.plane())) < depth_tolerance
+        assert np.allclose(frame.k, np.reshape(w.K, (3, 3)))
+        # The optical axis points along the base's x, 1.1 m above it.
+        assert np.allclose(frame.base_from_camera[:3, 2], [1, 0, 0], atol=1e-9)
+        assert np.allclose(frame.base_from_camera[:3, 3], [0.1, 0, w.CAMERA_HEIGHT])
+    middle = w.START_NS + int(2.25 * w.SECOND)
+    pose = recording.fixed_from_base(middle)
+    assert pose is not None
+    assert np.allclose(pose[:3, 3], [1.0 + 0.45 + 0.00225, 2.0, 0.0], atol=1e-9)
+    wheels = recording.odom_from_base(middle)
+    assert wheels is not None
+    assert np.allclose(wheels[:3, 3], [0.45, 0, 0], atol=1e-9)
+    assert recording.fixed_from_base(w.START_NS - w.SECOND) is None
+    assert np.allclose(recording.base_from_laser(middle)[:3, 3], [0.17, 0, 0.18])
+    scans = list(recording.scans())
+    assert len(scans) == len(recording.scan_stamps()) == 51
+    assert np.allclose(scans[7].ranges, np.linspace(1, 2, 31))
+    assert np.allclose(scans[7].angles, np.linspace(-1.5, 1.5, 31), atol=1e-6)
+    part = list(recording.scans(w.START_NS + w.SECOND, w.START_NS + 2 * w.SECOND))
+    assert len(part) == 11
+    assert recording.warnings == []
+
+
+def encoded(name: str) -> Callable[[w.RosRecorder, int], None]:
+    """Return what writes the plane in an encoding."""
+    mm, metres = w.millimetres(), w.plane()
+    raw, packed = f"{w.PREFIX}/image_rect", f"{w.PREFIX}/image_rect/compressedDepth"
+    nothing = struct.pack("<iff", 0, 0.0, 0.0)
+    size = struct.pack("<II", w.WIDTH, w.HEIGHT)
+    a, b = 100.0 * 101, 1 - 100.0 * 101 / 10.0
+    inverse = np.where(np.isnan(metres), 0, np.round(a / metres + b)).astype(np.uint16)
+    quantised = struct.pack("<iff", 0, a, b)
+    return {
+        "16UC1": lambda r, t: r.image(raw, t, mm, "16UC1"),
+        "mono16": lambda r, t: r.image(raw, t, mm, "mono16"),
+        "padded": lambda r, t: r.image(raw, t, mm, "16UC1", padding=6),
+        "big endian": lambda r, t: r.image(raw, t, mm, "16UC1", is_bigendian=True),
+        "32FC1": lambda r, t: r.image(raw, t, metres, "32FC1"),
+        "32FC1 with zeros": lambda r, t: r.image(raw, t, np.nan_to_num(metres), "32FC1"),
+        "32FC1 big endian": lambda r, t: r.image(raw, t, metres, "32FC1", is_bigendian=True),
+        "png": lambda r, t: r.compressed(packed, t, nothing + w.png(mm), "16UC1; compressedDepth"),
+        "png named": lambda r, t: r.compressed(
+            packed, t, nothing + w.png(mm), "16UC1; compressedDepth png"
+        ),
+        "plain png": lambda r, t: r.compressed(f"{raw}/compressed", t, w.png(mm), "png"),
+        "rvl": lambda r, t: r.compressed(
+            packed, t, nothing + size + w.rvl(mm), "16UC1; compressedDepth rvl"
+        ),
+        "inverse png": lambda r, t: r.compressed(
+            packed, t, quantised + w.png(inverse), "32FC1; compressedDepth"
+        ),
+        "inverse rvl": lambda r, t: r.compressed(
+            packed, t, quantised + size + w.rvl(inverse), "32FC1; compressedDepth rvl"
+        ),
+    }[name]
+
+
+ENCODINGS = (
+    *("16UC1", "mono16", "padded", "big endian", "32FC1", "32FC1 with zeros", "32FC1 big endian"),
+    *("png", "png named", "plain png", "rvl", "inverse png", "inverse rvl"),
+)
+
+
+@pytest.mark.parametrize("name", ENCODINGS)
+def test_depth_encodings_give_the_same_metres(tmp_path: Path, name: str) -> None:
+    """Inverse depth is quantised, to under a millimetre here; all others are exact."""
+    path = tmp_path / "drive.mcap"
+    w.write_drive(path, depth=encoded(name))
+    with open_recording(path) as recording:
+        check_drive(recording, depth_tolerance=1e-3 if "inverse" in name else 1e-6)
+
+
+@pytest.mark.parametrize("name", ["16UC1", "32FC1", "png"])
+def test_ros1(tmp_path: Path, name: str) -> None:
+    """ROS 1 messages are read like those of ROS 2."""
+    path = tmp_path / "drive.mcap"
+    w.write_drive(path, version=1, depth=encoded(name))
+    with open_recording(path) as recording:
+        assert recording.container.profile == "ros1"
+        check_drive(recording)
+
+
+def test_rosbag2_writer(tmp_path: Path) -> None:
+    """An MCAP of another writer (rosbags' own, with its layout and schemas) is read."""
+    source = io.BytesIO()
+    w.write_drive(source)
+    source.seek(0)
+    bag = tmp_path / "bag"
+    with Rosbag2Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connections: dict[str, Any] = {}
+        for schema, channel, message in make_reader(source).iter_messages():
+            assert schema is not None
+            if channel.topic not in connections:
+                connections[channel.topic] = writer.add_connection(
+                    channel.topic, schema.name, typestore=w.ROS2
+                )
+            writer.write(connections[channel.topic], message.log_time, message.data)
+    (path,) = bag.glob("*.mcap")
+    with open_recording(path) as recording:
+        check_drive(recording)
+
+
+def _foxglove_drive(path: Path, *, as_png: bool) -> None:
+    context = foxglove.Context()
+    image = fc.RawImageChannel("/camera/depth/image", context=context)
+    encoded = fc.CompressedImageChannel("/camera/depth/image", context=context)
+    calibration = fc.CameraCalibrationChannel("/camera/depth/calibration", context=context)
+    scan = fc.LaserScanChannel("/scan", context=context)
+    tree = fc.FrameTransformsChannel("/tf", context=context)
+    single = fc.FrameTransformChannel("/mount", context=context)
+
+    def transform(stamp: fm.Timestamp, edge: Any) -> fm.FrameTransform:
+        parent, child, place, turn = edge
+        return fm.FrameTransform(
+            timestamp=stamp,
+            parent_frame_id=parent,
+            child_frame_id=child,
+            translation=fm.Vector3(x=place[0], y=place[1], z=place[2]),
+            rotation=fm.Quaternion(x=turn[0], y=turn[1], z=turn[2], w=turn[3]),
+        )
+
+    with foxglove.open_mcap(path, context=context):
+        for tick in range(51):
+            now = w.START_NS + tick * w.SECOND // 10
+            stamp = fm.Timestamp(sec=now // w.SECOND, nsec=now % w.SECOND)
+            if tick == 0:
+                for edge in w.STATIC_EDGES:
+                    single.log(transform(stamp, edge), log_time=now)
+            edges = [transform(stamp, edge) for edge in w.drive_edges(now)]
+            tree.log(fm.FrameTransforms(transforms=edges), log_time=now)
+            scan.log(
+                fm.LaserScan(
+                    timestamp=stamp,
+                    frame_id=w.LASER,
+                    start_angle=-1.5,
+                    end_angle=1.5,
+                    ranges=np.linspace(1, 2, 31).tolist(),
+                ),
+                log_time=now,
+            )
+            if tick % 10:
+                continue
+            calibration.log(
+                fm.CameraCalibration(
+                    timestamp=stamp,
+                    frame_id=w.CAMERA,
+                    width=w.WIDTH,
+                    height=w.HEIGHT,
+                    distortion_model="plumb_bob",
+                    K=w.K,
+                ),
+                log_time=now,
+            )
+            if as_png:
+                encoded.log(
+                    fm.CompressedImage(
+                        timestamp=stamp,
+                        frame_id=w.CAMERA,
+                        data=w.png(w.millimetres()),
+                        format="png",
+                    ),
+                    log_time=now,
+                )
+            else:
+                image.log(
+                    fm.RawImage(
+                        timestamp=stamp,
+                        frame_id=w.CAMERA,
+                        width=w.WIDTH,
+                        height=w.HEIGHT,
+                        encoding="16UC1",
+                        step=2 * w.WIDTH,
+                        data=w.millimetres().tobytes(),
+                    ),
+                    log_time=now,
+                )
+
+
+@pytest.mark.parametrize("as_png", [False, True])
+def test_foxglove_protobuf(tmp_path: Path, as_png: bool) -> None:
+    """Foxglove's own writer and messages are read, as raw image and as PNG."""
+    path = tmp_path / "drive.mcap"
+    _foxglove_drive(path, as_png=as_png)
+    assert not inspect(path).missing
+    with open_recording(path) as recording:
+        check_drive(recording)
+
+
+def test_colour_near_finds_the_nearest_image_within_the_tolerance(tmp_path: Path) -> None:
+    """A stamp 50 ms off gets the image, one 300 ms off gets none."""
+    path = tmp_path / "drive.mcap"
+    w.write_drive(path)
+    with open_recording(path) as recording:
+        near, far = w.START_NS + 2 * w.SECOND + 50_000_000, w.START_NS + int(3.3 * w.SECOND)
+        found = recording.colour_near(np.array([near, far]))
+        assert set(found) == {near}
+        assert found[near].stamp_ns == w.START_NS + 2 * w.SECOND
+
+
+def test_header_stamp_of_zero_is_replaced_by_the_log_time(tmp_path: Path) -> None:
+    """Where a driver left the stamp at zero, the time of logging counts."""
+    path = tmp_path / "drive.mcap"
+    w.write_drive(
+        path,
+        depth=lambda r, t: r.image(
+            f"{w.PREFIX}/image_rect_raw", 0, w.millimetres(), "16UC1", log_ns=t
+        ),
+    )
+    with open_recording(path) as recording:
+        check_drive(recording)
+
+
+def test_given_stamps_alone_are_read(tmp_path: Path) -> None:
+    """Asked for two images, the reader yields those two, in order, whatever the order asked in."""
+    path = tmp_path / "drive.mcap"
+    w.write_drive(path)
+    with open_recording(path) as recording:
+        stamps = recording.depth_stamps()
+        asked = np.array([stamps[4], stamps[1], stamps[1] + 5])
+        assert [f.stamp_ns for f in recording.depth_frames(asked)] == [stamps[1], stamps[4]]
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_direct_transforms_are_those_of_the_general_decoder(version: int) -> None:
+    """Names of every length (alignment), static and moving, big-endian: the same transforms."""
+    buffer = io.BytesIO()
+    recorder = w.RosRecorder(buffer, version=version)
+    rng = np.random.default_rng(3)
+    for count in range(12):
+        edges = [
+            ("/p" * (i + 1), "c" * (count + i), tuple(rng.normal(size=3)), (0.0, 0.0, 0.6, 0.8))
+            for i in range(count)
+        ]
+        recorder.transforms(w.START_NS + count, edges)
+    recorder.finish()
+    container = Container(buffer)
+    direct, general = Decoder(container.channels[1]), Decoder(container.channels[1])
+    assert direct._direct is not None
+    general._direct = None
+    for raw in container.messages([1]):
+        assert direct.decode(raw) == general.decode(raw)
+    if version == 2:
+        message = w.ROS2.deserialize_cdr(raw.data, "tf2_msgs/msg/TFMessage")
+        swapped = w.ROS2.serialize_cdr(message, "tf2_msgs/msg/TFMessage", little_endian=False)
+        assert direct.decode(raw._replace(data=swapped)) == general.decode(raw)
+    with pytest.raises(DecodingError):
+        direct.decode(raw._replace(data=raw.data[:50]))
