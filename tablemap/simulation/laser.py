@@ -1,0 +1,131 @@
+"""The laser scanner at ankle height, and its errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tablemap.geometry import Floats
+from tablemap.simulation.drive import Drive
+from tablemap.simulation.scenario import Laser
+from tablemap.simulation.scene import Scene
+from tablemap.simulation.world import Person
+
+MOUNT = (0.1675, 0.0, 0.1844)
+"""Where the scanner sits in the base, as published: metres, no rotation."""
+
+ANGLE_MIN, ANGLE_MAX, BEAMS = -2.1, 2.1, 721
+RANGE_MIN, RANGE_MAX = 0.05, 60.0
+SCAN_TIME = 1 / 30
+INCREMENT = (ANGLE_MAX - ANGLE_MIN) / (BEAMS - 1)
+TIME_INCREMENT = SCAN_TIME * INCREMENT / (2 * np.pi)
+"""Seconds from beam to beam: the mirror turns once a scan."""
+
+_SUBBEAMS = 3
+_SPOT = 0.06  # echoes closer together than this in range (metres) are one
+
+
+@dataclass(frozen=True)
+class LaserErrors:
+    """What the seed drew: range r comes out as scale r + bias + slope min(r, 3 m).
+
+    The true scanner is the published one, shifted by ``x``, ``y`` and turned by ``yaw``.
+    """
+
+    scale: float
+    bias: float
+    bias_slope: float
+    x: float
+    y: float
+    yaw: float
+
+    @staticmethod
+    def drawn(laser: Laser, rng: np.random.Generator) -> LaserErrors:
+        """Draw the errors of one recording; none is more than 2.5 sigma."""
+        unit = np.clip(rng.normal(size=6), -2.5, 2.5)
+        return LaserErrors(
+            float(1 + laser.scale_sigma * unit[0]),
+            float(laser.bias_sigma * unit[1]),
+            float(laser.bias_slope_sigma * unit[2]),
+            float(laser.mount_sigma * unit[3]),
+            float(laser.mount_sigma * unit[4]),
+            float(np.deg2rad(laser.mount_yaw_sigma_deg) * unit[5]),
+        )
+
+
+def scan(
+    scene: Scene,
+    people: tuple[Person, ...],
+    drive: Drive,
+    seconds: Floats,
+    *,
+    laser: Laser,
+    errors: LaserErrors,
+    rng: np.random.Generator,
+) -> NDArray[np.float32]:
+    """Return the (n, beams) ranges of scans that start at (n,) times; the base moves meanwhile."""
+    subbeams = _SUBBEAMS if laser.beam_deg else 1
+    times = (seconds[:, None] + np.arange(BEAMS) * TIME_INCREMENT).ravel()
+    # Within a scan the base moves by millimetres: its first and last pose say the rest.
+    first, last = drive.base(seconds), drive.base(seconds + BEAMS * TIME_INCREMENT)
+    turn = (last[:, 2] - first[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    step = np.column_stack([last[:, :2] - first[:, :2], turn])
+    done = np.arange(BEAMS) / BEAMS
+    base = (first[:, None, :] + done[:, None] * step[:, None, :]).reshape(-1, 3)
+    c, s = np.cos(base[:, 2]), np.sin(base[:, 2])
+    x, y = MOUNT[0] + errors.x, MOUNT[1] + errors.y
+    origins = np.column_stack(
+        [base[:, 0] + c * x - s * y, base[:, 1] + s * x + c * y, np.full(len(times), MOUNT[2])]
+    )
+    angles = np.tile(ANGLE_MIN + INCREMENT * np.arange(BEAMS), len(seconds))
+    width = np.deg2rad(laser.beam_deg)
+    within = (np.arange(subbeams) - (subbeams - 1) / 2) / subbeams * width
+    heading = (base[:, 2] + errors.yaw + angles)[:, None] + within
+    rays = np.stack([np.cos(heading), np.sin(heading), np.zeros_like(heading)], axis=-1)
+    starts = np.repeat(origins, subbeams, axis=0)
+    rays = rays.reshape(-1, 3)
+    ranges = scene.cast(starts, rays).distance
+    for person in people:
+        ankles = person.ankles(times)
+        for side in range(2):
+            middle = np.repeat(ankles[:, side], subbeams, axis=0)
+            ranges = np.minimum(
+                ranges, _to_circle(starts[:, :2], rays[:, :2], middle, person.ankle)
+            )
+    echoes = _echo(ranges.reshape(-1, subbeams), rng)
+    noisy = errors.scale * echoes + errors.bias
+    noisy += errors.bias_slope * np.minimum(echoes, 3.0)
+    noisy += laser.noise_sigma * rng.standard_normal(len(noisy))
+    lost = rng.random(len(noisy)) < laser.dropout
+    # The scanner reports whole millimetres; without noise that would be an error of its own.
+    rounded = np.round(noisy, 3) if laser.noise_sigma else noisy
+    rounded = np.where(lost | ~(rounded < RANGE_MAX) | (rounded < RANGE_MIN), np.inf, rounded)
+    return rounded.astype(np.float32).reshape(len(seconds), BEAMS)
+
+
+def _to_circle(origins: Floats, rays: Floats, middles: Floats, diameter: float) -> Floats:
+    """Return the distance (n,) at which unit rays enter circles, inf where they pass."""
+    offset = middles - origins
+    along = np.sum(offset * rays, axis=1)
+    squared = (diameter / 2) ** 2 - (np.sum(offset**2, axis=1) - along**2)
+    hit = (squared > 0) & (along > 0)
+    return np.where(hit, along - np.sqrt(np.maximum(squared, 0.0)), np.inf)
+
+
+def _echo(ranges: Floats, rng: np.random.Generator) -> Floats:
+    """Merge the parts of each beam (n, k): near echoes win, thin ones mix with what is behind."""
+    nearest = ranges.min(axis=1)
+    near = ranges < (nearest + _SPOT)[:, None]
+    near[~np.isfinite(nearest)] = True
+    share = near.mean(axis=1)
+    finite = np.where(np.isfinite(ranges), ranges, 0.0)
+    front = np.where(np.isfinite(nearest), np.sum(finite * near, axis=1) / near.sum(axis=1), np.inf)
+    rest = np.where(near, np.inf, ranges).min(axis=1)
+    chance = rng.random((2, len(ranges)))
+    thin = share < 0.5
+    behind = np.where(thin & (chance[0] < 0.35), rest, front)
+    mixes = (share < 1) & (chance[1] < 0.15) & (rest < front + 1.0)
+    between = share * front + (1 - share) * np.where(np.isfinite(rest), rest, 0.0)
+    return np.where(mixes, between, behind)

@@ -1,0 +1,224 @@
+"""A scenario: one world, one robot and the errors of its sensors, as a TOML file describes them.
+
+Lengths are metres, angles radians unless the name says ``_deg``; a ``*_sigma`` is the spread from
+which the seed draws one value a recording.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from tablemap.errors import ConfigError
+
+SCENARIOS = Path(__file__).parent / "scenarios"
+
+Shape = Literal["circle", "ellipse", "rectangle", "square", "parallelogram", "polygon"]
+Item = Literal["box", "book", "cylinder", "bowl"]
+
+
+class Section(BaseModel):
+    """A group of settings: frozen, and closed to unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Legs(Section):
+    """What carries the top. ``section`` is a leg's cross-section, ``size`` its diameter or side."""
+
+    layout: Literal["four", "three", "pedestal", "trestle", "panels", "polygon", "none"] = "four"
+    section: Literal["circle", "square"] = "square"
+    size: float = Field(default=0.05, gt=0)
+    inset: float = Field(
+        default=0.06, ge=0, description="from the top's corner to the leg's middle"
+    )
+    inset_spread: float = Field(default=0.02, ge=0)
+
+
+class Table(Section):
+    """The table that is to be modelled; which sizes apply depends on ``shape``."""
+
+    shape: Shape
+    length: float = Field(default=0.0, ge=0)
+    width: float = Field(default=0.0, ge=0)
+    diameter: float = Field(default=0.0, ge=0)
+    side: float = Field(default=0.0, ge=0)
+    major: float = Field(default=0.0, ge=0)
+    minor: float = Field(default=0.0, ge=0)
+    angle_deg: float = Field(default=90.0, gt=0, lt=180)
+    corner_radius: float = Field(default=0.0, ge=0)
+    corners: tuple[tuple[float, float], ...] = ()
+    height: float = Field(gt=0)
+    thickness: float = Field(default=0.025, gt=0)
+    edge: Literal["sharp", "bevelled", "rounded"] = "sharp"
+    edge_size: float = Field(default=0.0, ge=0)
+    apron: float = Field(default=0.0, ge=0, description="height of the frame below the top")
+    apron_inset: float = Field(default=0.03, ge=0)
+    cloth: float = Field(default=0.0, ge=0, description="how far a table cloth hangs down")
+    reflectance: float = Field(default=0.6, gt=0, le=1)
+    gloss: float = Field(default=0.0, ge=0, le=1, description="share of the top without depth")
+    colour: tuple[float, float, float] = (0.72, 0.55, 0.36)
+    legs: Legs = Legs()
+    pose: tuple[float, float, float] | None = Field(default=None, description="None: drawn")
+    size_spread: float = Field(default=0.1, ge=0, lt=0.5)
+
+
+class Clutter(Section):
+    """What stands on the top; ``overhang`` and ``flush`` are how many of them do so."""
+
+    count: int = Field(default=0, ge=0)
+    items: tuple[Item, ...] = ("box", "book", "cylinder", "bowl")
+    overhang: int = Field(default=0, ge=0)
+    flush: int = Field(default=0, ge=0)
+
+
+class Surroundings(Section):
+    """The room and what else is in it."""
+
+    room: Literal["furnished", "plain", "hall"] = "furnished"
+    margin: float = Field(
+        default=0.9, gt=0, description="least free space outside the robot's path"
+    )
+    cabinets: int = Field(default=5, ge=0)
+    couches: int = Field(default=0, ge=0)
+    chairs: int = Field(default=0, ge=0)
+    chairs_pushed_in: bool = False
+    neighbours: int = Field(default=0, ge=0, description="tables beside the one that is modelled")
+    against_wall: bool = False
+    glass: bool = False
+    people: int = Field(default=0, ge=0)
+    moved: int = Field(default=0, ge=0, description="pieces of furniture moved halfway")
+
+
+class Robot(Section):
+    """Where the robot drives and when it looks."""
+
+    camera_height: float = Field(default=1.09, gt=0)
+    stops: int = Field(default=8, ge=1)
+    span_deg: float = Field(default=360.0, gt=0, le=360, description="less: stops on an open arc")
+    clearance: float = Field(default=0.62, gt=0, description="from the table's hull to the base")
+    clearance_spread: float = Field(default=0.06, ge=0)
+    stop_seconds: float = Field(default=1.5, gt=0)
+    speed: float = Field(default=0.3, gt=0)
+    images_per_stop: int = Field(default=2, ge=1)
+    laser: bool = True
+    standing_scan_rate: float = Field(default=8.0, gt=0)
+    moving_scan_rate: float = Field(default=10.0, gt=0)
+    wheels: bool = True
+    continuous_rate: float = Field(
+        default=0.0, ge=0, description="depth images a second, moving too"
+    )
+    depth_transport: Literal["compressed", "raw"] = "compressed"
+    colour: bool = True
+
+
+class Camera(Section):
+    """Errors of the depth camera. ``noise`` multiplies what varies from pixel to pixel."""
+
+    noise: float = Field(default=1.0, ge=0)
+    scale_sigma: float = Field(default=0.003, ge=0)
+    pitch_sigma_deg: float = Field(default=0.15, ge=0)
+    roll_sigma_deg: float = Field(default=0.05, ge=0)
+    mount_sigma: float = Field(default=0.0, ge=0, description="x and y against the recorded frame")
+    mount_yaw_sigma_deg: float = Field(default=0.0, ge=0)
+    mount_height_sigma: float = Field(default=0.0, ge=0)
+    dropouts: bool = True
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    width: int = Field(default=640, ge=32)
+    height: int = Field(default=480, ge=24)
+
+
+class Laser(Section):
+    """Errors of the laser scanner."""
+
+    noise_sigma: float = Field(default=0.01, ge=0)
+    bias_sigma: float = Field(default=0.003, ge=0)
+    bias_slope_sigma: float = Field(default=0.0005, ge=0, description="metres a metre, to 3 m")
+    scale_sigma: float = Field(default=0.0005, ge=0)
+    beam_deg: float = Field(default=0.2, ge=0, description="full width of a beam; 0: a line")
+    mount_sigma: float = Field(default=0.0, ge=0)
+    mount_yaw_sigma_deg: float = Field(default=0.0, ge=0)
+    dropout: float = Field(default=0.002, ge=0, lt=1)
+
+
+class Wheels(Section):
+    """Errors of the wheel odometry."""
+
+    scale_sigma: float = Field(default=0.008, ge=0)
+    yaw_scale_sigma: float = Field(default=0.006, ge=0)
+    noise_per_sqrt_metre: float = Field(default=0.003, ge=0)
+    yaw_noise_deg_per_sqrt_metre: float = Field(default=0.15, ge=0)
+
+
+class Localisation(Section):
+    """Errors of the pose in the map: a jump on the way to each stop, and a slow wander."""
+
+    sigma: float = Field(default=0.06, ge=0)
+    yaw_sigma_deg: float = Field(default=2.5, ge=0)
+    wander: float = Field(default=0.004, ge=0)
+    yaw_wander_deg: float = Field(default=0.1, ge=0)
+
+
+class Scenario(Section):
+    """One world, one robot and its errors. ``name`` is the file's stem."""
+
+    name: str
+    description: str
+    suites: tuple[str, ...] = ()
+    table: Table
+    clutter: Clutter = Clutter()
+    surroundings: Surroundings = Surroundings()
+    robot: Robot = Robot()
+    camera: Camera = Camera()
+    laser: Laser = Laser()
+    wheels: Wheels = Wheels()
+    localisation: Localisation = Localisation()
+
+
+def scenario_names() -> list[str]:
+    """Return the names of the scenarios that come with the package, sorted."""
+    return sorted(path.stem for path in SCENARIOS.glob("*.toml"))
+
+
+def load_scenario(name_or_path: str | Path) -> Scenario:
+    """Read a scenario by its name, or from a TOML file.
+
+    Raises `ConfigError` where there is none of that name, or it has unknown or impossible settings.
+    """
+    path = Path(name_or_path)
+    if path.suffix != ".toml":
+        path = SCENARIOS / f"{name_or_path}.toml"
+        if not path.is_file():
+            raise ConfigError(
+                f"There is no scenario named {str(name_or_path)!r}; there are "
+                f"{', '.join(scenario_names())}. A file's name must end in .toml."
+            )
+    try:
+        settings = tomllib.loads(path.read_text(encoding="utf-8"))
+        return Scenario.model_validate({"name": path.stem, **settings})
+    except OSError as error:
+        raise ConfigError(f"The scenario cannot be read ({error.strerror}): {path}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"The scenario is no valid TOML ({error}): {path}") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise ConfigError(
+            f"The scenario's {where}: {first['msg']}; correct it in {path}"
+        ) from error
+
+
+def suite(name: str) -> list[str]:
+    """Return the names of the scenarios of a suite: ``report``, ``hard`` or ``all``.
+
+    Raises `ConfigError` where no scenario belongs to it.
+    """
+    if name == "all":
+        return [*suite("report"), *suite("hard")]
+    members = [each for each in scenario_names() if name in load_scenario(each).suites]
+    if not members:
+        raise ConfigError(f"There is no suite named {name!r}; there are report, hard and all.")
+    return members

@@ -1,0 +1,164 @@
+"""A simulated recording before it is written: everything that the seed decides."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from tablemap.geometry import Floats, wrap_angle
+from tablemap.simulation.camera import CameraErrors, DepthCamera, map_from, recorded_mounting
+from tablemap.simulation.drive import Belief, Drive, believe, draw_drive
+from tablemap.simulation.laser import LaserErrors
+from tablemap.simulation.meshes import Part
+from tablemap.simulation.scenario import Robot, Scenario
+from tablemap.simulation.shapes import surface_truth
+from tablemap.simulation.world import World, draw_world
+
+_FIRST_STAMP_NS = 1_700_000_000_000_000_000
+_NEVER = np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """A world, a drive and a robot's errors; images and scans are made when it is written.
+
+    ``image_seconds`` and ``scan_seconds`` are the stamps, from the start of the first stop on;
+    ``moved_second`` is when furniture is moved (inf: never).
+    """
+
+    scenario: Scenario
+    seed: int
+    world: World
+    drive: Drive
+    belief: Belief
+    camera: DepthCamera
+    laser_errors: LaserErrors
+    image_seconds: Floats
+    scan_seconds: Floats
+    moved_second: float
+
+    def stamp_ns(self, second: float) -> int:
+        """Return the stamp of a time of the drive."""
+        return _FIRST_STAMP_NS + self.seed * 1_000_000_000_000 + round(second * 1e6) * 1000
+
+    def stop_at(self, second: float) -> int:
+        """Return the index of the stop at a time, or of the last one before it."""
+        return int(np.searchsorted(self.drive.stops[:, 0], second, side="right")) - 1
+
+    def parts(self, *, moved: bool) -> tuple[Part, ...]:
+        """Return everything that stands in the room and is not glass, before or after the move."""
+        standing = tuple(part for part in self.world.parts if not part.glass)
+        return standing + (self.world.after if moved else self.world.before)
+
+    def map_from_camera(self, second: float) -> Floats:
+        """Return the true (4, 4) pose of the optical frame."""
+        at = np.array([second])
+        mounting = recorded_mounting(
+            self.scenario.robot.camera_height, float(self.drive.tilt(at)[0])
+        )
+        return map_from(self.drive.base(at)[0], self.camera.errors.applied(mounting))
+
+    def generator(self, purpose: str) -> np.random.Generator:
+        """Return the random numbers of one purpose, the same each time."""
+        return _generator(self.scenario, self.seed, purpose)
+
+    @cached_property
+    def true_bases(self) -> Floats:
+        """The (n, 3) true poses of the base at the images."""
+        return self.drive.base(self.image_seconds)
+
+    def truth(self) -> dict[str, object]:
+        """Return the truth file: table, legs, the base at each image, the sensors' errors."""
+        table, world = self.scenario.table, self.world
+        # A cloth's folds and a rounded rim leave it open where the top ends.
+        tolerance = (2 * table.edge_size if table.edge != "sharp" else 0.0) + (
+            0.012 if table.cloth else 0.0
+        )
+        camera, laser = self.camera.errors, self.laser_errors
+        snapshots = [
+            {
+                "stamp_ns": self.stamp_ns(second),
+                "map_from_base": {"x": pose[0], "y": pose[1], "yaw": wrap_angle(pose[2])},
+            }
+            for second, pose in zip(self.image_seconds, self.true_bases.tolist(), strict=True)
+        ]
+        return {
+            "schema": "tablemap/truth/1",
+            "frame": "map",
+            "scenario": self.scenario.name,
+            "seed": self.seed,
+            "surface": surface_truth(world.top, world.map_from_table, tolerance=tolerance),
+            "legs": [leg.truth(world.map_from_table) for leg in world.legs],
+            "snapshots": snapshots,
+            "sensor": {
+                "depth_scale": camera.depth_scale,
+                "pitch": camera.pitch,
+                "roll": camera.roll,
+                "camera_yaw": camera.yaw,
+                "camera_x": camera.x,
+                "camera_y": camera.y,
+                "camera_z": camera.z,
+                "laser_range_scale": laser.scale,
+                "laser_range_bias": laser.bias,
+                "laser_range_bias_slope": laser.bias_slope,
+                "laser_x": laser.x,
+                "laser_y": laser.y,
+                "laser_yaw": laser.yaw,
+            },
+        }
+
+
+def simulate(scenario: Scenario, *, seed: int, nominal: bool = False) -> Simulation:
+    """Draw a recording's world, drive and errors; ``nominal`` keeps the table's sizes as stated."""
+    world = draw_world(scenario, _generator(scenario, seed, "world"), nominal=nominal)
+    drive = draw_drive(scenario.robot, world, _generator(scenario, seed, "drive"))
+    belief = believe(
+        drive, scenario.wheels, scenario.localisation, _generator(scenario, seed, "belief")
+    )
+    sensors = _generator(scenario, seed, "sensors")
+    camera = DepthCamera(scenario.camera, CameraErrors.drawn(scenario.camera, sensors))
+    laser_errors = LaserErrors.drawn(scenario.laser, sensors)
+    moved_second = _NEVER
+    if scenario.surroundings.moved and len(drive.stops) > 1:
+        half = len(drive.stops) // 2
+        moved_second = float(drive.stops[half - 1 : half + 1].mean())
+    return Simulation(
+        scenario,
+        seed,
+        world,
+        drive,
+        belief,
+        camera,
+        laser_errors,
+        _image_seconds(scenario.robot, drive),
+        _scan_seconds(scenario.robot, drive),
+        moved_second,
+    )
+
+
+def _generator(scenario: Scenario, seed: int, purpose: str) -> np.random.Generator:
+    name = zlib.crc32(scenario.name.encode())
+    return np.random.default_rng([name, seed, zlib.crc32(purpose.encode())])
+
+
+def _image_seconds(robot: Robot, drive: Drive) -> Floats:
+    if robot.continuous_rate:
+        return np.asarray(np.arange(0.1, drive.duration, 1 / robot.continuous_rate))
+    within = (np.arange(robot.images_per_stop) + 1) / (robot.images_per_stop + 1)
+    return (drive.stops[:, :1] + within * robot.stop_seconds).ravel()
+
+
+def _scan_seconds(robot: Robot, drive: Drive) -> Floats:
+    """Return when scans are kept: often while standing, as often as the log was told on the way."""
+    if not robot.laser:
+        return np.zeros(0)
+    standing = np.arange(0.05, robot.stop_seconds - 0.03, 1 / robot.standing_scan_rate)
+    seconds = (drive.stops[:, :1] + standing).ravel()
+    moving = [
+        np.arange(leave + 0.02, arrive - 0.03, 1 / robot.moving_scan_rate)
+        for leave, arrive in zip(drive.stops[:-1, 1], drive.stops[1:, 0], strict=True)
+    ]
+    return np.sort(np.concatenate([seconds, *moving]))

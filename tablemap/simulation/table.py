@@ -1,0 +1,122 @@
+"""The table that is to be modelled: its parts and the truth about its legs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from tablemap.geometry import Floats, Pose2
+from tablemap.simulation.meshes import Mesh, Part, at, box, cylinder, inset, loft, plate, prism
+from tablemap.simulation.scenario import Legs, Table
+from tablemap.simulation.shapes import Top
+
+_APRON_THICKNESS = 0.018
+_LEG_COLOUR = (0.35, 0.3, 0.28)
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """A leg in the table's frame; ``length`` is a circle's diameter."""
+
+    shape: str
+    pose: Pose2
+    length: float
+    width: float
+
+    def truth(self, map_from_table: Pose2) -> dict[str, object]:
+        """Return the truth file's entry: place in the map, yaw in the range of its symmetry."""
+        pose = map_from_table @ self.pose
+        if self.shape == "circle":
+            yaw, dimensions = 0.0, {"diameter": self.length}
+        else:
+            turn = np.pi / 2 if self.length == self.width else np.pi
+            yaw, dimensions = float(pose.yaw % turn), {"length": self.length, "width": self.width}
+        place = {"x": pose.x, "y": pose.y, "yaw": yaw}
+        return {"shape": self.shape, **place, "dimensions": dimensions}
+
+
+def draw_legs(legs: Legs, top: Top, rng: np.random.Generator, *, nominal: bool) -> list[Leg]:
+    """Draw where the legs stand, in the table's frame."""
+    spread = 0.0 if nominal else legs.inset_spread
+    depth = max(legs.inset + spread * float(rng.uniform(-1, 1)), legs.size / 2)
+    low, high = top.outline.min(axis=0), top.outline.max(axis=0)
+    length, width = (float(value) for value in high - low)
+    if legs.layout == "none":
+        return []
+    if legs.layout == "pedestal":
+        return [_leg(legs, Pose2())]
+    if legs.layout == "trestle":
+        places = [(sx * (length / 2 - depth), sy * 0.3 * width) for sx in (-1, 1) for sy in (-1, 1)]
+        return [_leg(legs, Pose2(x, y, 0.0)) for x, y in places]
+    if legs.layout == "panels":
+        panel = 0.8 * width
+        across = (sx * (length / 2 - depth) for sx in (-1, 1))
+        return [Leg("rectangle", Pose2(x, 0.0, np.pi / 2), panel, legs.size) for x in across]
+    if legs.layout == "polygon":
+        convex = _convex(top.corners)
+        return [_leg(legs, at(place, 0.0)) for place in inset(top.corners, depth)[convex]]
+    if len(top.corners) == 4 and legs.layout == "four":
+        if top.corner_radius:
+            depth = max(depth, 0.6 * top.corner_radius)
+        return [_leg(legs, at(place, 0.0)) for place in inset(top.corners, depth)]
+    count = 3 if legs.layout == "three" else 4
+    phase = np.pi / count + np.arange(count) * 2 * np.pi / count
+    semi = np.array([length, width]) / 2 - depth
+    around = semi * np.column_stack([np.cos(phase), np.sin(phase)])
+    return [_leg(legs, at(place, 0.0)) for place in around]
+
+
+def table_parts(table: Table, top: Top, legs: list[Leg]) -> list[Part]:
+    """Return the table's solids in its own frame, its top first."""
+    under = top.height - table.thickness
+    slab = plate(top.outline, under, top.height, edge=table.edge, edge_size=table.edge_size)
+    if table.cloth:
+        slab = _cloth(top, table.cloth)
+    parts = [Part(slab, table.colour, table.reflectance, table.gloss)]
+    if table.apron:
+        outer = inset(top.outline, table.apron_inset)
+        inner = inset(top.outline, table.apron_inset + _APRON_THICKNESS)
+        for i in range(len(outer)):
+            j = (i + 1) % len(outer)
+            board = prism(
+                np.array([outer[i], outer[j], inner[j], inner[i]]), under - table.apron, under
+            )
+            parts.append(Part(board, table.colour, table.reflectance))
+    for leg in legs:
+        if leg.shape == "circle":
+            solid = cylinder(leg.length, 0.0, under)
+        else:
+            solid = box(leg.length, leg.width, 0.0, under)
+        parts.append(Part(solid.placed(leg.pose), _LEG_COLOUR, table.reflectance))
+    span = float(np.ptp(top.outline[:, 1]))
+    if table.legs.layout == "pedestal":
+        parts.append(Part(cylinder(0.6 * span, 0.0, 0.03), _LEG_COLOUR))
+    if table.legs.layout == "trestle":
+        for x in sorted({leg.pose.x for leg in legs}):
+            for low, high in ((0.0, 0.05), (under - 0.05, under)):
+                bar = box(table.legs.size, 0.8 * span, low, high).placed(Pose2(x, 0.0, 0.0))
+                parts.append(Part(bar, _LEG_COLOUR))
+    return parts
+
+
+def _leg(legs: Legs, pose: Pose2) -> Leg:
+    shape = "circle" if legs.section == "circle" else "rectangle"
+    return Leg(shape, pose, legs.size, legs.size)
+
+
+def _convex(corners: Floats) -> list[int]:
+    before = corners - np.roll(corners, 1, axis=0)
+    after = np.roll(corners, -1, axis=0) - corners
+    return np.flatnonzero(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] > 0).tolist()
+
+
+def _cloth(top: Top, drop: float) -> Mesh:
+    """Drape a cloth: flat on the top, in folds that widen downwards at the sides."""
+    line = shapely.LinearRing(top.outline)
+    along = np.arange(0, line.length, 0.02)
+    ring = np.array([line.interpolate(distance).coords[0] for distance in along])
+    folds = 0.006 * (1 - np.cos(along * 2 * np.pi / (line.length / round(line.length / 0.2))))
+    away = ring / np.linalg.norm(ring, axis=1, keepdims=True)
+    return loft([ring + away * folds[:, None], ring], [top.height - drop, top.height])
