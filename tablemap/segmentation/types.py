@@ -1,0 +1,77 @@
+"""What segmentation hands on: labels, candidate tables, and the chosen one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tablemap.errors import ProcessWarning
+from tablemap.geometry import Floats
+
+
+class Label(IntEnum):
+    """What a pixel shows, relative to the chosen table's top."""
+
+    UNKNOWN = 0  # no depth
+    FLOOR = 1  # like BEHIND, and on the floor
+    TOP = 2  # within the tolerance of the top's plane, and part of this top
+    ON_TOP = 3  # stands on it
+    BEHIND = 4  # the ray passed the top's plane: the top cannot be where it crossed
+    FRONT = 5  # above the plane and not on the top: occludes
+    OTHER_TOP = 6  # another surface at about the same height
+
+
+@dataclass(frozen=True, eq=False)
+class ViewSegmentation:
+    """One view: ``labels`` (height, width) uint8 of `Label`; the view's own height of the top.
+
+    ``tolerance`` (height, width) float32 is how far, in metres up or down, a pixel may lie from the
+    top's plane to count as in it (NaN without depth).
+    """
+
+    index: int
+    labels: NDArray[np.uint8]
+    sees_table: bool
+    reason: str | None
+    height: float | None
+    top_pixels: int
+    tolerance: NDArray[np.float32] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class TableCandidate:
+    """A horizontal surface that could be the table, in the map as localised.
+
+    ``views`` are snapshot indices; ``spread`` (0 to 1) how widely they surround it;
+    ``hull`` (n, 2) counter-clockwise. ``reason`` is what speaks against it.
+    """
+
+    x: float
+    y: float
+    height: float
+    area: float
+    views: tuple[int, ...]
+    spread: float
+    weight: float
+    hull: Floats
+    chosen: bool
+    reason: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class Segmentation:
+    """The chosen table: ``height`` above the floor (metres, all views together), and each view."""
+
+    views: tuple[ViewSegmentation, ...]
+    height: float
+    height_sigma: float
+    candidates: tuple[TableCandidate, ...]
+    warnings: tuple[ProcessWarning, ...]
+
+    @property
+    def used(self) -> tuple[int, ...]:
+        """Indices of the snapshots that see the table."""
+        return tuple(view.index for view in self.views if view.sees_table)

@@ -1,0 +1,111 @@
+"""When the base stood still, and which images show something new."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tablemap.config import SnapshotsConfig
+from tablemap.geometry import Floats, Pose2
+from tablemap.recording import Recording
+
+SECOND_NS = 1_000_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Planar poses over time: ``stamps_ns`` (n,), ``poses`` (n, 3) with yaw unwrapped."""
+
+    stamps_ns: NDArray[np.int64]
+    poses: Floats
+    source: str
+
+
+def sample_motion(recording: Recording, depth_stamps: NDArray[np.int64]) -> Motion:
+    """Sample the base's motion, by the wheels where they were recorded, else as localised.
+
+    The localisation jumps while the base stands; the wheels do not.
+    """
+    start, end = int(depth_stamps[0]), int(depth_stamps[-1])
+    margin = 2 * SECOND_NS
+    start = max(min(start, recording.start_ns), start - margin)
+    end = min(max(end, recording.end_ns), end + margin)
+    step = max(SECOND_NS // 10, (end - start) // 6000)
+    grid = np.arange(start, end + 1, step, dtype=np.int64)
+    stamps = np.union1d(grid, depth_stamps[:: max(1, len(depth_stamps) // 6000)])
+    for source, lookup in (
+        ("wheels", recording.odom_from_base),
+        ("localisation", recording.fixed_from_base),
+    ):
+        found = [(int(s), pose) for s in stamps if (pose := lookup(int(s))) is not None]
+        if len(found) >= 2 or (found and source == "localisation"):
+            poses = np.array([Pose2.projected(pose).as_array() for _, pose in found])
+            poses[:, 2] = np.unwrap(poses[:, 2])
+            return Motion(np.array([s for s, _ in found], dtype=np.int64), poses, source)
+    return Motion(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), "none")
+
+
+def standing_intervals(motion: Motion, config: SnapshotsConfig) -> list[tuple[int, int]]:
+    """Return the intervals (start, end in nanoseconds) in which the base stood still."""
+    if len(motion.stamps_ns) < 2:
+        return []
+    seconds = np.diff(motion.stamps_ns) / 1e9
+    steps = np.diff(motion.poses, axis=0)
+    speed = np.linalg.norm(steps[:, :2], axis=1) / np.maximum(seconds, 1e-6)
+    turn = np.abs(steps[:, 2]) / np.maximum(seconds, 1e-6)
+    still = (speed < config.still_speed) & (turn < np.deg2rad(config.still_turn_deg))
+    if motion.source == "localisation":
+        # A jump is faster than any indoor robot, short, and over at once: the base did not move.
+        jump = (speed > config.jump_speed) | (turn > np.deg2rad(config.jump_turn_deg))
+        jump &= np.linalg.norm(steps[:, :2], axis=1) < config.jump_distance
+        lone = jump.copy()
+        lone[1:-1] &= still[:-2] & still[2:]
+        lone[[0, -1]] = False
+        still |= lone
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(np.int8)))
+    intervals = [
+        (int(motion.stamps_ns[a]), int(motion.stamps_ns[b]))
+        for a, b in zip(edges[::2], edges[1::2], strict=True)
+    ]
+    least = int(config.stop_seconds * SECOND_NS)
+    return [(a, b) for a, b in _merge_creeping(intervals, motion) if b - a >= least]
+
+
+def _merge_creeping(intervals: list[tuple[int, int]], motion: Motion) -> list[tuple[int, int]]:
+    """Join intervals that a twitch parted: less than a second apart, at the same place."""
+    merged: list[tuple[int, int]] = []
+    for start, end in intervals:
+        if merged and start - merged[-1][1] <= SECOND_NS:
+            i = np.searchsorted(motion.stamps_ns, [merged[-1][1], start])
+            shift = np.abs(motion.poses[i[1]] - motion.poses[i[0]])
+            if np.hypot(shift[0], shift[1]) < 0.01 and shift[2] < np.deg2rad(1.0):
+                merged[-1] = (merged[-1][0], end)
+                continue
+        merged.append((start, end))
+    return merged
+
+
+def choose_by_new_view(poses: Floats, maximum: int, config: SnapshotsConfig) -> NDArray[np.int64]:
+    """Return the indices of poses (n, 3) that show something new, at most ``maximum``.
+
+    A pose is kept where it differs from all kept ones by a distance or an angle; both grow until
+    few enough are left.
+    """
+    if len(poses) == 0:
+        return np.zeros(0, dtype=np.int64)
+    scale = 1.0
+    while True:
+        distance = config.keyframe_distance * scale
+        angle = np.deg2rad(config.keyframe_angle_deg) * scale
+        kept = [0]
+        for i in range(1, len(poses)):
+            delta = poses[i] - poses[kept]
+            turn = (delta[:, 2] + np.pi) % (2 * np.pi) - np.pi
+            apart = (np.hypot(delta[:, 0], delta[:, 1]) / distance) ** 2 + (turn / angle) ** 2
+            if apart.min() >= 1.0:
+                kept.append(i)
+        if len(kept) <= maximum:
+            return np.array(kept, dtype=np.int64)
+        scale *= 1.15

@@ -1,0 +1,84 @@
+"""The floor gives the camera's tilt and depth scale away."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tablemap.calibration import calibrate
+from tablemap.config import CalibrationConfig
+from tests.rendering import Box, mounting, round_trip, table, tilted
+
+CONFIG = CalibrationConfig()
+
+
+def test_tilt_and_scale_come_out_within_targets() -> None:
+    """A pitch, a roll and a scale error are found to 0.03 degrees and 1 permil."""
+    true = tilted(mounting(), roll=np.deg2rad(0.3), pitch=np.deg2rad(-0.5))
+    snapshots = round_trip(
+        table(1.0, 0.5, 1.2, 0.8, 0.74, 0.3),
+        (1.0, 0.5),
+        mount=true,
+        recorded_mount=mounting(),
+        depth_scale=1.004,
+    )
+    result = calibrate(snapshots, config=CONFIG)
+    assert np.rad2deg(result.roll) == pytest.approx(0.3, abs=0.03)
+    assert np.rad2deg(result.pitch) == pytest.approx(-0.5, abs=0.03)
+    assert result.depth_scale == pytest.approx(1 / 1.004, abs=0.001)
+    assert result.floor_rms_after < result.floor_rms_before
+    points = result.snapshots[0].points_in_base()
+    floor = np.abs(points[..., 2]) < 0.02
+    assert np.median(points[floor][:, 2]) == pytest.approx(0.0, abs=0.001)
+    assert not result.warnings
+
+
+def test_what_the_floor_cannot_tell_stays_in_the_covariance() -> None:
+    """From one camera height, scale and height stay as open as the priors leave them."""
+    result = calibrate(round_trip([], (0.0, 0.0)), config=CONFIG)
+    scale_sigma = np.sqrt(result.joint_covariance[2, 2])
+    assert scale_sigma == pytest.approx(CONFIG.camera_height_sigma / 1.1, rel=0.15)
+    assert result.height_sigma(0.0) < 0.001 < 0.002 < result.height_sigma(0.74)
+
+
+def test_a_low_shelf_does_not_pass_for_the_floor() -> None:
+    """A platform of 6 cm that fills much of the view leaves the camera where it is."""
+    platform = [Box(0.0, 0.0, 1.6, 1.6, 0.0, 0.06)]
+    result = calibrate(round_trip(platform, (0.0, 0.0)), config=CONFIG)
+    assert np.rad2deg(abs(result.pitch)) < 0.1
+    assert result.depth_scale == pytest.approx(1.0, abs=0.002)
+
+
+def test_without_floor_the_recorded_camera_stays() -> None:
+    """Where no floor is seen the priors stay, and a warning says so."""
+    plate = [Box(0.0, 0.0, 9.0, 9.0, 0.3, 0.4)]
+    result = calibrate(round_trip(plate, (0.0, 0.0), views=2), config=CONFIG)
+    assert [w.code for w in result.warnings] == ["calibration.no_floor"]
+    assert (result.roll, result.pitch, result.depth_scale) == (0.0, 0.0, 1.0)
+    assert np.sqrt(result.covariance[2, 2]) == pytest.approx(CONFIG.scale_sigma)
+
+
+def test_no_snapshots_and_empty_images_are_no_floor() -> None:
+    """Nothing to see is a warning, not an exception."""
+    assert calibrate((), config=CONFIG).warnings[0].code == "calibration.no_floor"
+    snapshots = round_trip([Box(0, 0, 30, 30, 0.0, 1.0)], (0.0, 0.0), views=1)
+    snapshots[0].depth[:] = np.nan
+    assert calibrate(snapshots, config=CONFIG).warnings[0].code == "calibration.no_floor"
+
+
+def test_an_implausible_camera_is_a_warning() -> None:
+    """A pitch of 3 degrees is corrected and doubted."""
+    true = tilted(mounting(), roll=0.0, pitch=np.deg2rad(3.0))
+    result = calibrate(
+        round_trip([], (0.0, 0.0), mount=true, recorded_mount=mounting()), config=CONFIG
+    )
+    assert np.rad2deg(result.pitch) == pytest.approx(3.0, abs=0.3)
+    assert "accuracy.calibration" in [w.code for w in result.warnings]
+
+
+def test_coarse_steps_leave_the_scale_open() -> None:
+    """Depth in 39 mm steps is calibrated, and the result says how little it knows."""
+    result = calibrate(round_trip([], (0.0, 0.0), step=0.039), config=CONFIG)
+    assert np.rad2deg(abs(result.pitch)) < 0.5
+    assert np.sqrt(result.joint_covariance[4, 4]) > 0.003
+    assert abs(result.depth_scale - 1.0) < 3 * np.sqrt(result.covariance[2, 2])
