@@ -1,0 +1,118 @@
+"""Odometry carries the base between the stops, from whatever was recorded."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tablemap.config import OdometryConfig
+from tablemap.geometry import Pose2
+from tablemap.odometry import (
+    Odometry,
+    OdometryScan,
+    Trajectory,
+    estimate_odometry,
+    points_in_base,
+)
+from tests.registration.rooms import BASE_FROM_LASER, Drive, relative_errors, room
+
+
+def estimate(drive: Drive) -> tuple[Odometry, list[object]]:
+    """Run odometry over a drive and return it with its events."""
+    events: list[object] = []
+    odometry = estimate_odometry(
+        drive.recording(), drive.snapshots(), config=OdometryConfig(), record=events.append
+    )
+    return odometry, events
+
+
+def at_stops(odometry: Odometry, drive: Drive) -> np.ndarray:
+    """Return (n, 3) odometry poses at the stops."""
+    return np.array([odometry.trajectory.at(s).as_array() for s in drive.stop_stamps])
+
+
+@pytest.fixture(scope="module")
+def lap() -> tuple[Drive, Odometry, list[object]]:
+    """A lap in a room, its laser skewed by the motion."""
+    drive = Drive(room(1), seed=1, stops=6, standing_s=0.6, rate_hz=10)
+    odometry, events = estimate(drive)
+    return drive, odometry, events
+
+
+def test_laser_odometry_is_right_to_a_centimetre(lap: tuple[Drive, Odometry, list[object]]) -> None:
+    """KISS-ICP over the de-skewed scans beats wheels that are off by centimetres."""
+    drive, odometry, _ = lap
+    place, yaw = relative_errors(at_stops(odometry, drive), drive.truth())
+    assert odometry.source == "laser"
+    assert place.max() < 0.02
+    assert np.degrees(yaw.max()) < 0.6
+    assert not odometry.warnings
+
+
+def test_odometry_begins_at_the_first_localised_pose(
+    lap: tuple[Drive, Odometry, list[object]],
+) -> None:
+    """Its frame is where the localisation put the base at the first scan."""
+    drive, odometry, _ = lap
+    assert np.allclose(odometry.trajectory.poses[0, :2], drive.localised[0, :2], atol=0.02)
+
+
+def test_every_used_scan_is_recorded_in_order_and_thinned(
+    lap: tuple[Drive, Odometry, list[object]],
+) -> None:
+    """What was registered can be reviewed; standing scans are mostly left out."""
+    drive, odometry, events = lap
+    scans = [event for event in events if isinstance(event, OdometryScan)]
+    assert len(scans) == odometry.scans_used == len(odometry.trajectory.stamps_ns)
+    assert odometry.scans_used + odometry.scans_skipped == len(drive.stamps)
+    assert odometry.scans_skipped > 0
+    assert (np.diff(odometry.trajectory.stamps_ns) > 0).all()
+    assert max(len(scan.points) for scan in scans) <= OdometryConfig().event_points
+
+
+def test_it_repeats_bit_for_bit(lap: tuple[Drive, Odometry, list[object]]) -> None:
+    """The same drive gives the same trajectory."""
+    drive, odometry, _ = lap
+    again, _ = estimate(drive)
+    assert np.array_equal(again.trajectory.poses, odometry.trajectory.poses)
+
+
+def test_without_a_laser_the_wheels_carry(lap: tuple[Drive, Odometry, list[object]]) -> None:
+    """The wheels' steps are kept, their frame is laid onto the localisation, and it is said."""
+    drive = Drive(room(1), seed=1, stops=6, standing_s=0.6, rate_hz=10, laser=False)
+    odometry, _ = estimate(drive)
+    assert odometry.source == "wheels"
+    assert [w.code for w in odometry.warnings] == ["odometry.no_laser"]
+    place, _ = relative_errors(
+        at_stops(odometry, drive),
+        np.array([Pose2.projected(drive.odom_from_base(s)).as_array() for s in drive.stop_stamps]),  # type: ignore[arg-type]
+    )
+    assert place.max() < 1e-6
+
+
+def test_with_neither_the_localisation_carries() -> None:
+    """What is left is the recorded pose, and a warning that says so."""
+    drive = Drive(room(1), seed=1, stops=4, standing_s=0.4, rate_hz=5, laser=False, wheels=False)
+    odometry, _ = estimate(drive)
+    assert odometry.source == "localisation"
+    assert [w.code for w in odometry.warnings] == ["odometry.no_wheels"]
+    expected = [snapshot.map_from_base.as_array() for snapshot in drive.snapshots()]
+    assert np.allclose(at_stops(odometry, drive), expected, atol=1e-9)
+
+
+def test_missing_and_out_of_range_beams_are_left_out() -> None:
+    """NaN, infinity, zero and the end of the range are not measurements."""
+    drive = Drive(room(1), stops=2, standing_s=0.2, rate_hz=2)
+    scan = next(drive.recording().scans())
+    scan.ranges[:5] = [np.nan, np.inf, 0.0, -1.0, 60.0]
+    points, valid = points_in_base(scan, BASE_FROM_LASER, maximum_range=30.0)
+    assert not valid[:5].any()
+    assert valid[5:].mean() > 0.9
+    assert np.allclose(points[valid][:, 2], BASE_FROM_LASER[2, 3])
+
+
+def test_a_trajectory_interpolates_across_the_turn_of_pi() -> None:
+    """Half-way between 175 and -175 degrees lies 180, not 0."""
+    yaw = np.radians(175)
+    trajectory = Trajectory(np.array([0, 10]), np.array([[0, 0, yaw], [1, 0, -yaw]]))
+    assert abs(abs(trajectory.at(5).yaw) - np.pi) < 1e-9
