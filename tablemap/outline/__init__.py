@@ -1,0 +1,168 @@
+"""Edges of the top in each view, and what made them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tablemap.calibration import Calibration
+from tablemap.config import OutlineConfig
+from tablemap.errors import EstimationError, ProcessWarning
+from tablemap.outline.contour import Contour, place_on_plane, trace
+from tablemap.outline.occupancy import Occupancy, observe
+from tablemap.outline.plane import ViewPlane, fit_plane, joint_height
+from tablemap.outline.thickness import face_ends, joint_thickness
+from tablemap.outline.types import EdgeKind, Outline, ViewEdges
+from tablemap.outline.votes import vote
+from tablemap.segmentation import Segmentation
+from tablemap.snapshots import Snapshot
+
+if TYPE_CHECKING:
+    from tablemap.registration import Registration
+
+__all__ = ["EdgeKind", "Outline", "ViewEdges", "find_edges"]
+
+
+@dataclass(frozen=True, eq=False)
+class _TracedView:
+    """One view between the tracing of its contour and its placing on the plane."""
+
+    snapshot: Snapshot
+    plane: ViewPlane
+    seen: Occupancy
+    contour: Contour
+
+
+def find_edges(
+    snapshots: tuple[Snapshot, ...],
+    segmentation: Segmentation,
+    registration: Registration | None,
+    *,
+    config: OutlineConfig,
+    calibration: Calibration | None = None,
+) -> Outline:
+    """Find sub-pixel edge points of the top in every used view and say what made each.
+
+    ``snapshots`` are the calibrated ones; with ``calibration`` its covariance joins the height's
+    sigma. The edges stay in each view's base frame, so ``registration`` does not enter.
+
+    Raises `EstimationError` where no view shows enough of the top.
+    """
+    del registration
+    by_index = {snapshot.index: snapshot for snapshot in snapshots}
+    used = [view for view in segmentation.views if view.sees_table and view.index in by_index]
+    warnings: list[ProcessWarning] = []
+
+    own: dict[int, ViewPlane] = {}
+    for view in used:
+        plane = fit_plane(by_index[view.index], view, config=config)
+        if plane is None:
+            warnings.append(_set_aside(by_index[view.index], "shows too little of the top"))
+        else:
+            own[view.index] = plane
+    if not own:
+        raise EstimationError(
+            f"no edges of the table top: of {len(used)} views that see the table none shows enough "
+            "of its top; record it from nearer, or with the camera tilted further down"
+        )
+    height, height_sigma, scatter = joint_height(
+        own, segmentation.height, segmentation.height_sigma
+    )
+
+    traced: list[_TracedView] = []
+    for view in used:
+        if view.index not in own:
+            continue
+        snapshot = by_index[view.index]
+        plane = _shrunk(own[view.index], height, scatter)
+        seen = observe(snapshot, view.labels, plane, config=config)
+        if seen is not None:
+            traced.append(_TracedView(snapshot, plane, seen, trace(seen, snapshot, config=config)))
+
+    thickness = _thickness(traced, config)
+    labels = {view.index: view.labels for view in used}
+    views: list[ViewEdges] = []
+    for item in traced:
+        placed = place_on_plane(
+            item.seen,
+            item.contour,
+            item.snapshot,
+            plane=item.plane,
+            thickness=None if thickness is None else thickness[0],
+            config=config,
+        )
+        top, free = vote(item.seen, item.snapshot, labels[item.snapshot.index], config=config)
+        edges = ViewEdges(
+            index=item.snapshot.index,
+            points=placed.points,
+            normals=placed.normals,
+            sigma=placed.sigma,
+            kind=item.contour.kind,
+            is_near=placed.is_near,
+            pixels=item.contour.place + np.array(item.seen.origin[::-1], dtype=np.float64),
+            camera_xy=item.snapshot.base_from_camera[:2, 3].copy(),
+            top=top,
+            free=free,
+        )
+        views.append(edges)
+        if not np.any(edges.kind == EdgeKind.TABLE):
+            warnings.append(_set_aside(item.snapshot, "shows no edge of the top"))
+    if calibration is not None:
+        height_sigma = float(np.hypot(height_sigma, calibration.height_sigma(height)))
+    return Outline(
+        views=tuple(views),
+        height=height,
+        height_sigma=height_sigma,
+        height_by_view={index: plane.height for index, plane in own.items()},
+        thickness=None if thickness is None else thickness[0],
+        thickness_sigma=None if thickness is None else thickness[1],
+        warnings=tuple(warnings),
+    )
+
+
+def _set_aside(snapshot: Snapshot, what: str) -> ProcessWarning:
+    return ProcessWarning(
+        "outline.view_without_edges",
+        "outline",
+        f"view {snapshot.index} {what}; it gives no edges",
+        snapshot.stamp_ns,
+    )
+
+
+def _shrunk(plane: ViewPlane, height: float, scatter: float) -> ViewPlane:
+    """Return the view's plane at its own height, drawn to the joint one as its sigma asks.
+
+    A view's own height makes up for its own camera height or scale; with depth steps of
+    centimetres the other views know better.
+    """
+    own, joint = plane.height_sigma**-2, max(scatter, 5e-4) ** -2
+    return ViewPlane(
+        height=(own * plane.height + joint * height) / (own + joint),
+        height_sigma=(own + joint) ** -0.5,
+        slope=plane.slope,
+        centre=plane.centre,
+        noise=plane.noise,
+        shared=plane.shared,
+    )
+
+
+def _thickness(traced: list[_TracedView], config: OutlineConfig) -> tuple[float, float] | None:
+    """Return the joint thickness and sigma from the near edges of all views."""
+    ends = []
+    for item in traced:
+        placed = place_on_plane(
+            item.seen, item.contour, item.snapshot, plane=item.plane, thickness=None, config=config
+        )
+        ends.append(
+            face_ends(
+                item.seen,
+                item.contour,
+                placed,
+                item.snapshot,
+                noise=item.plane.noise,
+                config=config,
+            )
+        )
+    return joint_thickness(ends, config=config)

@@ -1,0 +1,60 @@
+"""What the outline stage hands on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tablemap.errors import ProcessWarning
+from tablemap.geometry import Floats
+
+
+class EdgeKind(IntEnum):
+    """What ends the seen top at an edge point."""
+
+    TABLE = 0  # something lower begins: the top's own edge
+    BORDER = 1  # the image ends
+    OCCLUDED = 2  # something in front
+    MISSING = 3  # no depth
+
+
+@dataclass(frozen=True, eq=False)
+class ViewEdges:
+    """One view's edge points, in that snapshot's base frame, on the top's plane.
+
+    ``points`` (n, 2) metres; ``normals`` (n, 2) outward units; ``sigma`` (n,) metres along the
+    normal; ``kind`` (n,) uint8 of `EdgeKind`; ``is_near`` (n,) bool: the side face is towards the
+    camera; ``pixels`` (n, 2) float column, row. ``camera_xy`` (2,) is the camera's place in the
+    base: a depth scale moves a point along ``points - camera_xy``. ``top`` (m, 2) and ``free``
+    (k, 2) are thinned points of the plane that this view saw as top, and saw through.
+
+    Neighbouring points share pixels and a view's systematic error, so ``n`` of them are worth about
+    ``n / kappa`` independent ones: kappa is 4 to 12 at the default thinning.
+    """
+
+    index: int
+    points: Floats
+    normals: Floats
+    sigma: Floats
+    kind: NDArray[np.uint8]
+    is_near: NDArray[np.bool_]
+    pixels: Floats
+    camera_xy: Floats
+    top: Floats
+    free: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """All views' edges; the top's height above the floor, its thickness where a face shows it."""
+
+    views: tuple[ViewEdges, ...]
+    height: float
+    height_sigma: float
+    height_by_view: dict[int, float]
+    thickness: float | None
+    thickness_sigma: float | None
+    warnings: tuple[ProcessWarning, ...]
