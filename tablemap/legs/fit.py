@@ -1,0 +1,341 @@
+"""Primitives through support lines and depths, with poses, beam width and bias as nuisances.
+
+A tangent with outward unit normal n touches a convex shape of centre c where n.p = n.c + h(n): h is
+the radius of a circle, and (l |n.u| + w |n.v|) / 2 of a rectangle with axes u and v.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from tablemap.geometry import Floats
+from tablemap.legs.silhouettes import Evidence
+
+_CAUCHY = 2.5
+_SHARED = 1.3
+_SMALLEST = 0.004
+_GRAZING = 0.4  # cosine of incidence under which a depth says little
+
+PARAMETERS = {"circle": 3, "square": 4, "rectangle": 5}
+"""x, y, then diameter; or side, yaw; or length, width, yaw."""
+
+
+@dataclass(frozen=True, eq=False)
+class Priors:
+    """What is believed of the nuisances before: pose errors by group, beam width, range bias.
+
+    ``information`` (3G, 3G) is the groups' (x, y, yaw), None where poses are held; ``beam`` in
+    radians and ``bias`` in metres are (mean, sigma). ``yaw`` (angle, sigma) pulls rectangles to
+    the table's axes, quarter turns alike; None without.
+    """
+
+    information: Floats | None
+    beam: tuple[float, float]
+    bias: tuple[float, float]
+    yaw: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A solution for K legs of one ``kind``.
+
+    ``parameters`` (K, p) and their ``covariance`` per leg (K, p, p), scaled by the residuals where
+    those are larger than their sigmas; ``cost`` is the robust sum of squares with the priors,
+    ``costs`` (K,) each leg's part; ``count`` residuals; ``free`` parameters without yaws that a
+    prior holds, ``shared`` of them by all legs; ``rms`` (K,) metres of the tangents.
+    """
+
+    kind: str
+    parameters: Floats
+    covariance: Floats
+    cost: float
+    costs: Floats
+    count: int
+    free: int
+    shared: int
+    rms: Floats
+    beam_half_width: float
+    range_bias: float
+
+
+def fit_shapes(
+    kind: str,
+    evidence: list[Evidence],
+    start: Floats,
+    *,
+    priors: Priors,
+    tied: bool,
+    iterations: int = 12,
+) -> Fit:
+    """Fit one primitive a leg, all legs with the same nuisances, by robust Gauss-Newton.
+
+    ``start`` is (K, p); with ``tied`` the legs share their size.
+    """
+    width = PARAMETERS[kind]
+    legs = len(evidence)
+    columns = np.arange(legs * width).reshape(legs, width)
+    sizes = slice(2, 4 if kind == "rectangle" else 3)
+    if tied:
+        columns[:, sizes] = columns[:1, sizes]
+    _, columns = np.unique(columns, return_inverse=True)
+    columns = columns.reshape(legs, width)
+    free = int(columns.max()) + 1
+    groups = 0 if priors.information is None else len(priors.information) // 3
+    beam, bias, poses = free, free + 1, free + 2
+    x = np.zeros(free + 2 + 3 * groups)
+    x[columns] = start
+    x[beam], x[bias] = priors.beam[0], priors.bias[0]
+    prior = np.zeros((len(x), len(x)))
+    prior[beam, beam] = priors.beam[1] ** -2
+    prior[bias, bias] = priors.bias[1] ** -2
+    mean = np.zeros(len(x))
+    mean[beam], mean[bias] = priors.beam[0], priors.bias[0]
+    if groups:
+        prior[poses:, poses:] = priors.information
+    held = kind != "circle" and priors.yaw is not None
+    if kind != "circle" and priors.yaw is not None:
+        prior[columns[:, -1], columns[:, -1]] += priors.yaw[1] ** -2
+
+    # Weak, so that a leg seen from one side alone still has a solution.
+    loose = np.full((legs, width), 0.3)
+    loose[:, :2] = 0.5
+    prior[columns, columns] += 1.0 / loose**2
+    mean[columns] = start
+    nuisances = np.array([beam, bias])
+    for iteration in range(iterations):
+        if kind != "circle" and priors.yaw is not None:
+            quarter = np.round((x[columns[:, -1]] - priors.yaw[0]) / (np.pi / 2))
+            mean[columns[:, -1]] = priors.yaw[0] + quarter * np.pi / 2
+        normal, gradient = prior.copy(), prior @ (mean - x)
+        for leg in range(legs):
+            # Tangents are linear in place and size: the depths join once those stand.
+            rows = _linearised(kind, x, columns[leg], evidence[leg], beam, groups, iteration >= 2)
+            own = np.concatenate([columns[leg], nuisances])
+            _add(normal, gradient, rows, own, poses, groups)
+        step = np.asarray(scipy.linalg.solve(normal, gradient, assume_a="pos"))
+        if kind != "circle":
+            step[columns[:, -1]] = np.clip(step[columns[:, -1]], -0.2, 0.2)
+        x = x + step
+        x[columns[:, sizes]] = np.clip(x[columns[:, sizes]], _SMALLEST, 3.0)
+        if iteration > 3 and float(np.abs(step[: free + 2]).max()) < 1e-6:
+            break
+
+    normal, gradient = prior.copy(), prior @ (mean - x)
+    costs, rms, scale = np.zeros(legs), np.zeros(legs), np.ones(legs)
+    count = 0
+    for leg in range(legs):
+        rows = _linearised(kind, x, columns[leg], evidence[leg], beam, groups, True)
+        own = np.concatenate([columns[leg], nuisances])
+        _add(normal, gradient, rows, own, poses, groups)
+        ratio = (rows.residual / rows.sigma) ** 2
+        costs[leg] = _CAUCHY**2 * float(np.log1p(ratio / _CAUCHY**2).sum())
+        # A depth that this shape cannot explain at all must not make it cheaper.
+        costs[leg] += rows.unexplained
+        count += len(rows.residual) + rows.unexplained
+        if rows.tangents:
+            rms[leg] = float(np.sqrt(np.mean(rows.residual[: rows.tangents] ** 2)))
+        if len(rows.residual) > width:
+            # The median of a chi-square with one degree of freedom is 0.455.
+            scale[leg] = max(1.0, float(np.median(ratio)) / 0.455)
+    covariance = np.asarray(scipy.linalg.inv(normal))
+    mean_free = mean - x
+    return Fit(
+        kind=kind,
+        parameters=x[columns],
+        covariance=np.stack([covariance[np.ix_(c, c)] for c in columns]) * scale[:, None, None],
+        cost=float(costs.sum() + mean_free @ prior @ mean_free),
+        costs=costs,
+        count=count,
+        free=free - (legs if held else 0),
+        shared=sizes.stop - sizes.start if tied else 0,
+        rms=rms,
+        beam_half_width=float(x[beam]),
+        range_bias=float(x[bias]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """One leg's residuals (n,) with sigmas, slopes (n, p + 2) in its parameters and the laser's
+    nuisances, and how a pose error of each row's group moves them, ``pose`` (n, 3)."""
+
+    residual: Floats
+    sigma: Floats
+    slope: Floats
+    pose: Floats
+    group: NDArray[np.int64]
+    tangents: int
+    unexplained: int
+
+
+def _linearised(
+    kind: str,
+    x: Floats,
+    own: NDArray[np.int64],
+    evidence: Evidence,
+    beam: int,
+    groups: int,
+    depths: bool,
+) -> _Rows:
+    values = x[own]
+    h, slope = _support(kind, values, evidence.normal)
+    residual = np.einsum("ij,ij->i", evidence.normal, evidence.point - values[:2]) - h
+    residual = residual - evidence.range * x[beam]
+    slope = np.column_stack([-slope, -evidence.range, np.zeros(len(residual))])
+    pose = _pose_slope(evidence.normal, evidence.lever)
+    group, sigma, tangents = evidence.group, evidence.sigma, len(residual)
+    unexplained = 0
+    if depths and len(evidence.hit_sigma):
+        distance, normals, steps, ok = _surface_distance(kind, values, evidence.hits, evidence.rays)
+        segments = len(evidence.hit_sigma)
+        counts = np.bincount(evidence.row, weights=ok, minlength=segments)
+        share = ok / np.maximum(counts, 1)[evidence.row]
+        cosine = np.einsum("ij,ij->i", normals, evidence.rays)
+        beams = np.column_stack([distance - cosine * x[beam + 1], normals, steps, cosine])
+        means = np.stack(
+            [np.bincount(evidence.row, weights=b * share, minlength=segments) for b in beams.T],
+            axis=1,
+        )[counts > 0].astype(np.float64)
+        unexplained = int((counts == 0).sum())
+        seen = counts > 0
+        residual = np.concatenate([residual, means[:, 0]])
+        depth_slope = np.column_stack([means[:, 3:-1], np.zeros(len(means)), -means[:, -1]])
+        slope = np.concatenate([slope, depth_slope])
+        pose = np.concatenate([pose, _pose_slope(means[:, 1:3], evidence.hit_lever[seen])])
+        group = np.concatenate([group, evidence.hit_group[seen]])
+        sigma = np.concatenate([sigma, evidence.hit_sigma[seen]])
+    if groups:
+        offsets = x[beam + 2 :].reshape(-1, 3)[group]
+        residual = residual + np.einsum("ij,ij->i", pose, offsets)
+    return _Rows(residual, sigma, slope, pose, group, tangents, unexplained)
+
+
+def _pose_slope(normal: Floats, lever: Floats) -> Floats:
+    """Return (n, 3): what x, y and yaw of the base move along ``normal`` at ``lever`` from it."""
+    return np.column_stack([normal, normal[:, 1] * lever[:, 0] - normal[:, 0] * lever[:, 1]])
+
+
+def _add(
+    normal: Floats,
+    gradient: Floats,
+    rows: _Rows,
+    own: NDArray[np.int64],
+    poses: int,
+    groups: int,
+) -> None:
+    """Add one leg's rows to the normal equations, group by group."""
+    weight = 1.0 / (rows.sigma**2 * (1.0 + (rows.residual / (_CAUCHY * rows.sigma)) ** 2))
+    if not groups:
+        weighted = rows.slope.T * weight
+        normal[np.ix_(own, own)] += weighted @ rows.slope
+        gradient[own] -= weighted @ rows.residual
+        return
+    order = np.argsort(rows.group, kind="stable")
+    present, starts = np.unique(rows.group[order], return_index=True)
+    full = np.column_stack([rows.slope, rows.pose])[order]
+    weighted = full * weight[order, None]
+    ends = np.append(starts[1:], len(order))
+    residual = rows.residual[order]
+    for group, start, end in zip(present, starts, ends, strict=True):
+        index = np.concatenate([own, poses + 3 * group + np.arange(3)])
+        normal[np.ix_(index, index)] += weighted[start:end].T @ full[start:end]
+        gradient[index] -= weighted[start:end].T @ residual[start:end]
+
+
+def _support(kind: str, values: Floats, normal: Floats) -> tuple[Floats, Floats]:
+    """Return h (n,) and d(n.c + h)/d(values) (n, p)."""
+    if kind == "circle":
+        h = np.full(len(normal), 0.5 * values[2])
+        return h, np.column_stack([normal, np.full(len(normal), 0.5)])
+    length, width, yaw = values[2], values[-2], values[-1]
+    c, s = np.cos(yaw), np.sin(yaw)
+    along, across = normal @ [c, s], normal @ [-s, c]
+    h = 0.5 * (length * np.abs(along) + width * np.abs(across))
+    turn = 0.5 * (length * np.sign(along) * across - width * np.sign(across) * along)
+    if kind == "square":
+        return h, np.column_stack([normal, 0.5 * (np.abs(along) + np.abs(across)), turn])
+    return h, np.column_stack([normal, 0.5 * np.abs(along), 0.5 * np.abs(across), turn])
+
+
+def _surface_distance(
+    kind: str, values: Floats, points: Floats, rays: Floats
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return distances (n,) to the surface that each ray meets, along its normal (n, 2), with
+    d(distance)/d(values) (n, p) and validity (n,).
+
+    The ray decides which part of the surface is meant: the noisy point would favour the wrong one.
+    """
+    offset = points - values[:2]
+    along_ray = np.einsum("ij,ij->i", offset, rays)
+    if kind == "circle":
+        radius = 0.5 * values[2]
+        closest = offset - along_ray[:, None] * rays
+        square = radius**2 - np.einsum("ij,ij->i", closest, closest)
+        depth = np.sqrt(np.maximum(square, 0.0))
+        normals = (closest - depth[:, None] * rays) / radius
+        cosine = -depth / radius
+        ok = cosine < -_GRAZING
+        slope = np.column_stack([-normals, np.full(len(points), -0.5)])
+        return (along_ray + depth) * cosine, normals, slope, ok.astype(np.float64)
+    length, width, yaw = values[2], values[-2], values[-1]
+    u = np.array([np.cos(yaw), np.sin(yaw)])
+    v = np.array([-u[1], u[0]])
+    along, across = offset @ u, offset @ v
+    ray_u, ray_v = rays @ u, rays @ v
+    ray_u = np.where(np.abs(ray_u) < 1e-9, 1e-9, ray_u)
+    ray_v = np.where(np.abs(ray_v) < 1e-9, 1e-9, ray_v)
+    enter_u = (-np.sign(ray_u) * 0.5 * length - along) / ray_u
+    enter_v = (-np.sign(ray_v) * 0.5 * width - across) / ray_v
+    leave_u = (np.sign(ray_u) * 0.5 * length - along) / ray_u
+    leave_v = (np.sign(ray_v) * 0.5 * width - across) / ray_v
+    end = enter_u > enter_v
+    enter = np.maximum(enter_u, enter_v)
+    side = np.where(end, -np.sign(ray_u), -np.sign(ray_v))
+    normals = np.where(end[:, None], u, v) * side[:, None]
+    cosine = np.einsum("ij,ij->i", normals, rays)
+    ok = (enter < np.minimum(leave_u, leave_v)) & (cosine < -_GRAZING)
+    met_along, met_across = along + enter * ray_u, across + enter * ray_v
+    turn = np.where(end, met_across, -met_along) * side
+    half = np.full(len(points), -0.5)
+    if kind == "square":
+        slope = np.column_stack([-normals, half, turn])
+    else:
+        slope = np.column_stack(
+            [-normals, np.where(end, half, 0.0), np.where(end, 0.0, half), turn]
+        )
+    return -enter * cosine, normals, slope, ok.astype(np.float64)
+
+
+def fit_alone(
+    kind: str, evidence: Evidence, centre: Floats, size: float, yaw: float, *, priors: Priors
+) -> Fit:
+    """Fit one leg by itself, from several yaws where it has one, and return the best."""
+    if kind == "circle":
+        start = np.array([[*centre, size]])
+        return fit_shapes(kind, [evidence], start, priors=priors, tied=False)
+    starts = yaw + np.array([0.0, 0.25, 0.5, 0.75]) * np.pi / 2
+    sizes = [size] if kind == "square" else [size, size]
+    first = [np.array([[*centre, *sizes, angle]]) for angle in starts]
+    fits = [
+        fit_shapes(kind, [evidence], start, priors=priors, tied=False, iterations=6)
+        for start in first
+    ]
+    return min(fits, key=lambda fit: fit.cost)
+
+
+def criterion(fit: Fit) -> float:
+    """Return BIC with residuals discounted a little: neighbouring ones share some errors.
+
+    What belongs to one leg weighs against that leg's residuals, a size shared by all against all.
+    """
+    effective = max(fit.count / _SHARED, 2.0)
+    each = max(effective / len(fit.parameters), 2.0)
+    return (
+        fit.cost / _SHARED
+        + fit.shared * float(np.log(effective))
+        + (fit.free - fit.shared) * float(np.log(each))
+    )

@@ -1,0 +1,144 @@
+"""How legs stand under a top: symmetric partners, corners, the middle; and how chairs stand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from shapely.geometry import Point, Polygon
+
+from tablemap.geometry import Floats
+from tablemap.surface import Surface
+
+_MIRRORED = ("rectangle", "square", "ellipse", "polygon", "mesh")
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """The top's own frame: ``polygon`` in the map, places in it by ``local``."""
+
+    surface: Surface
+    polygon: Polygon
+
+    def local(self, places: Floats) -> Floats:
+        """Map (n, 2) places to the top's frame."""
+        return self.surface.pose.inverse().apply(places)
+
+    @property
+    def half(self) -> Floats:
+        """The (2,) half extents of the outline along the top's axes."""
+        corners = self.local(self.surface.outline)
+        half: Floats = np.maximum(0.5 * np.ptp(corners, axis=0), 1e-3)
+        return half
+
+    def is_central(self, place: Floats) -> bool:
+        """Say whether a place is where a pedestal stands: the middle tenth of the top."""
+        u, v = self.local(place[None])[0]
+        half = self.half
+        return bool(abs(u) < max(0.12 * half[0], 0.05) and abs(v) < max(0.12 * half[1], 0.05))
+
+    def inset(self, place: Floats) -> float:
+        """Return how far inside the outline a place is (negative: outside)."""
+        point = Point(*place)
+        distance = float(self.polygon.exterior.distance(point))
+        return distance if self.polygon.contains(point) else -distance
+
+    def near_corner(self, place: Floats) -> bool:
+        """Say whether a place lies in a corner's quarter, or near the rim of a round top."""
+        u, v = np.abs(self.local(place[None])[0]) / self.half
+        if self.surface.shape in ("circle", "ellipse"):
+            return bool(np.hypot(u, v) > 0.4)
+        if self.surface.shape in ("rectangle", "square", "parallelogram"):
+            return bool(u > 0.5 and v > 0.4)
+        corners = np.asarray(self.polygon.simplify(0.02).exterior.coords)
+        return bool(np.linalg.norm(corners - place, axis=1).min() < 0.35)
+
+
+def symmetric_sets(
+    frame: Frame, places: Floats, tolerance: float
+) -> list[tuple[tuple[int, ...], Floats]]:
+    """Return sets of places that map onto each other under the top's symmetry.
+
+    Each is (members, missing (m, 2) in the map): complete sets of four, three and two, and fours
+    with one place missing. Outer sets come first.
+    """
+    if not len(places):
+        return []
+    local = frame.local(places)
+    sets: dict[tuple[int, ...], Floats] = {}
+    for orbit in _orbits(frame, local):
+        distance = np.linalg.norm(orbit[:, None] - local[None], axis=2)
+        nearest = distance.argmin(axis=1)
+        matched = distance[np.arange(len(orbit)), nearest] < tolerance
+        members = tuple(sorted({int(i) for i in nearest[matched]}))
+        missing = frame.surface.pose.apply(orbit[~matched])
+        enough = matched.all() or (len(orbit) == 4 and matched.sum() == 3)
+        if enough and len(members) == int(matched.sum()) and len(members) > 1:
+            known = sets.get(members)
+            if known is None or len(missing) < len(known):
+                sets[members] = missing
+
+    def order(item: tuple[tuple[int, ...], Floats]) -> tuple[float, float, float]:
+        members, missing = item
+        outer = float(np.mean(np.abs(local[list(members)]) / frame.half))
+        return (-len(members) - 0.5 * (len(missing) == 0), -outer, float(members[0]))
+
+    return sorted(sets.items(), key=order)
+
+
+def _orbits(frame: Frame, local: Floats) -> list[Floats]:
+    """Return, for every place, where its partners should be (itself first)."""
+    shape = frame.surface.shape
+    orbits: list[Floats] = []
+    for u, v in local:
+        if shape in _MIRRORED:
+            if abs(u) < 0.03 or abs(v) < 0.03:
+                orbits.append(np.array([[u, v], [-u, -v]]))
+            else:
+                orbits.append(np.array([[u, v], [-u, v], [-u, -v], [u, -v]]))
+        if shape in ("circle", "square", "parallelogram"):
+            for count in (4, 3, 2) if shape == "circle" else (4, 2):
+                if shape == "parallelogram" and count == 4:
+                    continue
+                turns = 2 * np.pi * np.arange(count) / count
+                c, s = np.cos(turns), np.sin(turns)
+                orbits.append(np.column_stack([c * u - s * v, s * u + c * v]))
+    if shape == "parallelogram":
+        orbits += _skewed_orbits(frame, local)
+    return orbits
+
+
+def _skewed_orbits(frame: Frame, local: Floats) -> list[Floats]:
+    """Return the partners along a parallelogram's own, oblique sides."""
+    angle = frame.surface.dimensions.get("angle")
+    if angle is None or not 0.1 < angle.value < np.pi - 0.1:
+        return []
+    axes = np.array([[1.0, np.cos(angle.value)], [0.0, np.sin(angle.value)]])
+    oblique = local @ np.linalg.inv(axes).T
+    signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]], dtype=np.float64)
+    return [(signs * place) @ axes.T for place in oblique]
+
+
+def chair_like(frame: Frame, places: Floats) -> set[int]:
+    """Return the places that stand as a chair's legs do: 28 to 56 cm squares that leave the top.
+
+    Three corners of such a square are enough, if one of them lies outside the outline.
+    """
+    found: set[int] = set()
+    if len(places) < 3:
+        return found
+    outside = np.array([frame.inset(place) < -0.02 for place in places])
+    distance = np.linalg.norm(places[:, None] - places[None], axis=2)
+    for a in range(len(places)):
+        side = np.flatnonzero((distance[a] > 0.28) & (distance[a] < 0.56))
+        for i, b in enumerate(side):
+            for c in side[i + 1 :]:
+                first, second = places[b] - places[a], places[c] - places[a]
+                cosine = abs(first @ second) / (np.hypot(*first) * np.hypot(*second))
+                trio = [a, int(b), int(c)]
+                if cosine < 0.2 and outside[trio].any():
+                    found.update(trio)
+                    fourth = np.linalg.norm(places - (places[b] + second), axis=1)
+                    if fourth.min() < 0.05:
+                        found.add(int(fourth.argmin()))
+    return found

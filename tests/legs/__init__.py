@@ -1,0 +1,1 @@
+"""Legs: scans and depth of scenes whose truth is known."""
