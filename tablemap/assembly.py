@@ -1,0 +1,158 @@
+"""What the stages found, put together as a model with its verdict."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tablemap import model as m
+from tablemap.calibration import Calibration
+from tablemap.errors import ProcessWarning
+from tablemap.legs import Leg, Legs
+from tablemap.odometry import Odometry
+from tablemap.outline import Outline
+from tablemap.recording import Recording
+from tablemap.registration import Registration
+from tablemap.segmentation import Segmentation
+from tablemap.snapshots import Snapshot, Snapshots
+from tablemap.surface import Figure, Surface
+
+
+def assemble(
+    recording: Recording,
+    taken: Snapshots,
+    calibration: Calibration,
+    segmentation: Segmentation,
+    odometry: Odometry,
+    registration: Registration,
+    outline: Outline,
+    surface: Surface,
+    legs: Legs,
+) -> m.TableModel:
+    """Make the `TableModel` of all stages' results, their warnings in the order of the stages."""
+    warnings = [
+        *recording.warnings,
+        *calibration.warnings,
+        *segmentation.warnings,
+        *odometry.warnings,
+        *registration.warnings,
+        *outline.warnings,
+        *surface.warnings,
+        *legs.warnings,
+    ]
+    return m.TableModel(
+        frame=recording.names.fixed,
+        floor_z=0.0,
+        surface=_surface(surface),
+        legs=tuple(_leg(leg) for leg in legs.legs),
+        snapshots=tuple(
+            [
+                _snapshot(snapshot, segmentation, registration, surface)
+                for snapshot in taken.snapshots
+            ]
+        ),
+        calibration=m.CalibrationEntry(
+            roll=calibration.roll,
+            pitch=calibration.pitch,
+            depth_scale=calibration.depth_scale,
+            sigma=_three(np.sqrt(np.diag(calibration.covariance))),
+        ),
+        verdict=judge(warnings, surface=surface, registration=registration),
+        warnings=tuple(
+            m.WarningEntry(code=w.code, stage=w.stage, message=w.message, stamp_ns=w.stamp_ns)
+            for w in warnings
+        ),
+    )
+
+
+def judge(
+    warnings: list[ProcessWarning], *, surface: Surface, registration: Registration
+) -> m.Verdict:
+    """Say whether the model can be trusted: every doubt about a figure lowers the level.
+
+    ``failed`` where no shape stands behind the outline and it was not even registered, or where
+    fewer than two views hold it together and no side was measured; ``doubtful`` where any warning
+    doubts the figures.
+    """
+    doubts = [w.message for w in warnings if w.code.startswith("accuracy.")]
+    nothing_measured = not any(edge.status == "measured" for edge in surface.edges)
+    unregistered = not any(registration.used)
+    if nothing_measured or unregistered:
+        why = "no side of the top was measured" if nothing_measured else "no view was registered"
+        return m.Verdict(level="failed", reasons=(why, *doubts))
+    return m.Verdict(level="doubtful" if doubts else "good", reasons=tuple(doubts))
+
+
+def _surface(surface: Surface) -> m.TableSurface:
+    rows = [_three(row) for row in surface.covariance]
+    return m.TableSurface(
+        shape=surface.shape,
+        pose=m.SurfacePose(
+            x=surface.pose.x,
+            y=surface.pose.y,
+            yaw=surface.pose.yaw,
+            covariance=(rows[0], rows[1], rows[2]),
+        ),
+        height=m.Figure(value=surface.height.value, sigma=surface.height.sigma),
+        thickness=surface.thickness
+        and m.Figure(value=surface.thickness.value, sigma=surface.thickness.sigma),
+        dimensions={name: _dimension(figure) for name, figure in surface.dimensions.items()},
+        corner_radius=surface.corner_radius and _dimension(surface.corner_radius),
+        outline=tuple((float(x), float(y)) for x, y in surface.outline),
+        edges=tuple(
+            m.Edge(
+                points=tuple((float(x), float(y)) for x, y in edge.points),
+                status=edge.status,
+                sigma=edge.sigma,
+                seen_fraction=edge.seen_fraction,
+            )
+            for edge in surface.edges
+        ),
+        score=surface.score,
+        alternatives=tuple(
+            m.Alternative(shape=other.shape, score=other.score)
+            for other in surface.candidates
+            if other.shape != surface.shape
+        ),
+    )
+
+
+def _dimension(figure: Figure) -> m.Dimension:
+    return m.Dimension(value=figure.value, sigma=figure.sigma, status=figure.status)
+
+
+def _leg(leg: Leg) -> m.TableLeg:
+    return m.TableLeg(
+        shape=leg.shape,
+        x=leg.x,
+        y=leg.y,
+        yaw=leg.yaw,
+        status=leg.status,
+        position_sigma=leg.position_sigma,
+        dimensions={name: _dimension(figure) for name, figure in leg.dimensions.items()},
+    )
+
+
+def _snapshot(
+    snapshot: Snapshot, segmentation: Segmentation, registration: Registration, surface: Surface
+) -> m.SnapshotPose:
+    i = snapshot.index
+    view, check = segmentation.views[i], registration.checks[i] if registration.checks else None
+    pose = surface.map_from_base.get(i, registration.map_from_base[i])
+    variances = np.diag(registration.covariance)[3 * i : 3 * i + 3]
+    reason = view.reason if not view.sees_table else None
+    if reason is None and not registration.used[i]:
+        reason = "; ".join(check.reasons) if check and check.reasons else "it was not registered"
+    return m.SnapshotPose(
+        stamp_ns=snapshot.stamp_ns,
+        map_from_base=m.PlanarPose(x=pose.x, y=pose.y, yaw=pose.yaw),
+        sigma=m.PoseSigma(
+            xy=float(np.sqrt((variances[0] + variances[1]) / 2)), yaw=float(np.sqrt(variances[2]))
+        ),
+        used=reason is None,
+        reason=reason,
+    )
+
+
+def _three(values: np.ndarray) -> tuple[float, float, float]:
+    x, y, yaw = (float(value) for value in values)
+    return x, y, yaw

@@ -1,0 +1,158 @@
+"""The method on one page: from a recording to the model of a table."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from typing import Literal
+
+from threadpoolctl import threadpool_limits
+
+from tablemap.assembly import assemble
+from tablemap.calibration import calibrate
+from tablemap.config import Config
+from tablemap.errors import EstimationError
+from tablemap.legs import find_legs
+from tablemap.model import TableModel
+from tablemap.odometry import Trajectory, estimate_odometry
+from tablemap.outline import find_edges
+from tablemap.record import OtherTable, Record, StageFinished, StageStarted, ignore
+from tablemap.recording import Recording
+from tablemap.registration import register
+from tablemap.segmentation import Segmentation, segment
+from tablemap.snapshots import take_snapshots
+from tablemap.surface import fit_surface
+
+STAGES = (
+    "snapshots",
+    "calibration",
+    "segmentation",
+    "odometry",
+    "registration",
+    "outline",
+    "surface",
+    "legs",
+)
+
+Tables = Literal["best", "all"] | tuple[float, float]
+"""Which table: the best seen, all of them, or the one nearest to a place in the fixed frame."""
+
+
+@dataclass(frozen=True, eq=False)
+class Processed:
+    """A recording's outcome: the chosen table, the others where all were asked for, the drive."""
+
+    model: TableModel
+    others: tuple[TableModel, ...]
+    trajectory: Trajectory
+
+
+def process(
+    recording: Recording, *, config: Config, tables: Tables = "best", record: Record = ignore
+) -> Processed:
+    """Turn a recording into the model of its table.
+
+    Every result and intermediate step goes to ``record`` as it arises. Raises `RecordingError` or
+    `EstimationError` where there is no model to be had.
+    """
+    # One thread: faster round small solves, and the same sums in the same order on every run.
+    with threadpool_limits(limits=1):
+        return _process(recording, config, tables, record)
+
+
+def _process(recording: Recording, config: Config, tables: Tables, record: Record) -> Processed:
+    stage = stages(record)
+
+    with stage("snapshots"):
+        taken = take_snapshots(recording, config=config.snapshots)
+        record(taken)
+
+    with stage("calibration"):
+        calibration = calibrate(taken.snapshots, config=config.calibration)
+        record(calibration)
+        snapshots = calibration.snapshots
+
+    with stage("segmentation"):
+        near = tables if isinstance(tables, tuple) else None
+        segmentation = segment(snapshots, config=config.segmentation, near=near)
+        record(segmentation)
+
+    with stage("odometry"):
+        odometry = estimate_odometry(recording, snapshots, config=config.odometry, record=record)
+        record(odometry)
+
+    with stage("registration"):
+        registration = register(
+            recording,
+            snapshots,
+            segmentation,
+            odometry,
+            config=config.registration,
+            seed=config.seed,
+            record=record,
+        )
+        record(registration)
+
+    def model(segmentation: Segmentation, record: Record) -> TableModel:
+        with stage("outline"):
+            outline = find_edges(
+                snapshots,
+                segmentation,
+                registration,
+                config=config.outline,
+                calibration=calibration,
+            )
+            record(outline)
+
+        with stage("surface"):
+            surface = fit_surface(outline, registration, config=config.surface, seed=config.seed)
+            record(surface)
+
+        with stage("legs"):
+            legs = find_legs(recording, snapshots, registration, surface, config=config.legs)
+            record(legs)
+
+        return assemble(
+            recording,
+            taken,
+            calibration,
+            segmentation,
+            odometry,
+            registration,
+            outline,
+            surface,
+            legs,
+        )
+
+    chosen = model(segmentation, record)
+    record(chosen)
+    others = []
+    if tables == "all":
+        for candidate in segmentation.candidates:
+            if candidate.chosen or candidate.reason is not None:
+                continue
+            try:
+                other = segment(snapshots, config=config.segmentation, candidate=candidate)
+                others.append(model(other, ignore))
+                record(OtherTable(len(others), others[-1]))
+            except EstimationError as error:
+                record(OtherTable(len(others) + 1, str(error)))
+    return Processed(chosen, tuple(others), registration.trajectory)
+
+
+def stages(record: Record) -> Callable[[str], AbstractContextManager[None]]:
+    """Return a context manager that brackets a stage with its events."""
+    count = 0
+
+    @contextmanager
+    def stage(name: str) -> Iterator[None]:
+        nonlocal count
+        index, count = count, count + 1
+        record(StageStarted(name, index))
+        started = time.perf_counter()
+        yield
+        record(StageFinished(name, index, time.perf_counter() - started))
+
+    return stage

@@ -1,0 +1,65 @@
+"""A model in words: the few lines that people read first."""
+
+from __future__ import annotations
+
+import math
+
+from tablemap.model import Figure, TableModel
+
+PLURALS = {"circle": "round", "rectangle": "rectangular"}
+
+
+def summary_rows(model: TableModel) -> list[tuple[str, str]]:
+    """Return the rows (name, text) of a model's summary; lengths in metres, sigmas in mm."""
+    surface, pose = model.surface, model.surface.pose
+    sigma_xy = math.sqrt(max(pose.covariance[0][0] + pose.covariance[1][1], 0.0) / 2)
+    sigma_yaw = math.degrees(math.sqrt(max(pose.covariance[2][2], 0.0)))
+    rows = [("shape", f"{surface.shape}, weight {surface.score:.2f}{_alternatives(model)}")]
+    for name, figure in surface.dimensions.items():
+        text = angle(figure) if name == "angle" else length(figure)
+        rows.append((name, text if figure.status == "measured" else f"{text}, {figure.status}"))
+    if surface.corner_radius:
+        rows.append(("corner radius", length(surface.corner_radius)))
+    rows.append(("height", length(surface.height)))
+    if surface.thickness:
+        rows.append(("thickness", length(surface.thickness)))
+    place = f"({pose.x:.3f}, {pose.y:.3f}) m +- {1000 * sigma_xy:.0f} mm"
+    heading = f"{math.degrees(pose.yaw):.2f} +- {sigma_yaw:.2f} deg"
+    rows.append((f"place in {model.frame}", f"{place}, yaw {heading}"))
+    rows.append(("legs", _legs(model)))
+    used = sum(snapshot.used for snapshot in model.snapshots)
+    rows.append(("views", f"{used} of {len(model.snapshots)} used"))
+    rows.append(("verdict", model.verdict.level))
+    rows.extend(("warning", f"{warning.code}: {warning.message}") for warning in model.warnings)
+    return rows
+
+
+def length(figure: Figure) -> str:
+    """Return a length in metres with its sigma in millimetres, where it has one."""
+    if figure.sigma is None:
+        return f"{figure.value:.4f} m"
+    return f"{figure.value:.4f} m +- {1000 * figure.sigma:.1f} mm"
+
+
+def angle(figure: Figure) -> str:
+    """Return an angle in degrees with its sigma, where it has one."""
+    value = f"{math.degrees(figure.value):.2f}"
+    return (
+        f"{value} deg"
+        if figure.sigma is None
+        else f"{value} +- {math.degrees(figure.sigma):.2f} deg"
+    )
+
+
+def _alternatives(model: TableModel) -> str:
+    others = [other for other in model.surface.alternatives if other.score >= 0.01]
+    return "".join(f" ({other.shape} {other.score:.2f})" for other in others)
+
+
+def _legs(model: TableModel) -> str:
+    if not model.legs:
+        return "none found"
+    shapes = sorted({PLURALS[leg.shape] for leg in model.legs})
+    inferred = sum(leg.status != "measured" for leg in model.legs)
+    note = f", {inferred} of them inferred" if inferred else ""
+    return f"{len(model.legs)}, {' and '.join(shapes)}{note}"
