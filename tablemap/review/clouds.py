@@ -1,0 +1,32 @@
+"""Fewer points that show the same."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tablemap.geometry import Floats
+
+
+def thinned(points: Floats, cell: float) -> NDArray[np.float32]:
+    """Keep one of (n, 2) or (n, 3) points in each cell (metres), and none that is not finite."""
+    kept = np.asarray(points)[np.isfinite(points).all(axis=1)]
+    if len(kept) == 0:
+        return kept.astype(np.float32)
+    cells = np.floor((kept - kept.min(axis=0)) / cell).astype(np.int64)
+    size = cells.max(axis=0) + 1
+    keys = np.ravel_multi_index(tuple(cells.T), tuple(size))
+    _, first = np.unique(keys, return_index=True)
+    return kept[np.sort(first)].astype(np.float32)
+
+
+def raised(points: Floats, height: float) -> NDArray[np.float32]:
+    """Return (n, 2) points of a plane as (n, 3) at a height."""
+    flat = np.asarray(points, dtype=np.float32).reshape(-1, 2)
+    return np.column_stack([flat, np.full(len(flat), height, dtype=np.float32)])
+
+
+def closed(outline: Floats, height: float) -> NDArray[np.float32]:
+    """Return an (n, 2) outline as a closed (n + 1, 3) line at a height."""
+    ring = raised(outline, height)
+    return np.concatenate([ring, ring[:1]]) if len(ring) else ring

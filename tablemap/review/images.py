@@ -1,0 +1,79 @@
+"""Images as they were recorded: encoded bytes are passed on, the rest is encoded without loss."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import PIL.Image
+import rerun as rr
+from numpy.typing import NDArray
+
+from tablemap.recording.messages import CompressedImage, Image
+
+PNG = b"\x89PNG\r\n\x1a\n"
+JPEG = b"\xff\xd8\xff"
+COMPRESSED_DEPTH_HEADER = 12
+MILLIMETRES = 1000.0
+COLOUR_CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1, "8UC1": 1, "8UC3": 3}
+
+
+def depth_archetype(
+    message: Image | CompressedImage, depth: NDArray[np.float32]
+) -> rr.EncodedDepthImage:
+    """Return a depth image for the viewer, in millimetres.
+
+    A recorded 16-bit PNG is passed on without its ROS header; anything else is ``depth`` (height,
+    width) in metres, written as a 16-bit PNG.
+    """
+    blob = _recorded_png(message)
+    if blob is None:
+        blob = encode_depth(depth)
+    return rr.EncodedDepthImage(
+        blob, media_type="image/png", meter=MILLIMETRES, colormap=rr.components.Colormap.Viridis
+    )
+
+
+def _recorded_png(message: Image | CompressedImage) -> bytes | None:
+    if not isinstance(message, CompressedImage) or message.format.strip().startswith("32FC1"):
+        return None
+    data = bytes(message.data)
+    for skipped in (COMPRESSED_DEPTH_HEADER, 0):
+        if data[skipped : skipped + len(PNG)] == PNG:
+            return data[skipped:]
+    return None
+
+
+def encode_depth(depth: NDArray[np.float32]) -> bytes:
+    """Encode (height, width) metres as a 16-bit PNG in millimetres, 0 where depth is missing."""
+    millimetres = np.nan_to_num(depth * MILLIMETRES, nan=0.0, posinf=0.0, neginf=0.0)
+    pixels = np.clip(np.rint(millimetres), 0, 65535).astype(np.uint16)
+    buffer = io.BytesIO()
+    PIL.Image.fromarray(pixels).save(buffer, format="PNG", compress_level=3)
+    return buffer.getvalue()
+
+
+def colour_archetype(message: Image | CompressedImage) -> rr.EncodedImage | None:
+    """Return a colour image for the viewer, or None where its encoding is not one it can show."""
+    if isinstance(message, CompressedImage):
+        data = bytes(message.data)
+        if data.startswith(JPEG):
+            return rr.EncodedImage(contents=data, media_type="image/jpeg")
+        if data.startswith(PNG):
+            return rr.EncodedImage(contents=data, media_type="image/png")
+        return None
+    channels = COLOUR_CHANNELS.get(message.encoding)
+    if channels is None or len(message.data) < message.height * message.step:
+        return None
+    rows = np.frombuffer(message.data, dtype=np.uint8, count=message.height * message.step)
+    used = message.width * channels
+    if message.step < used:
+        return None
+    pixels = rows.reshape(message.height, message.step)[:, :used]
+    pixels = pixels.reshape(message.height, message.width, channels)
+    if message.encoding.startswith("bgr") or message.encoding == "8UC3":
+        pixels = pixels[..., [2, 1, 0]]
+    pixels = pixels[..., 0] if channels == 1 else pixels[..., :3]
+    buffer = io.BytesIO()
+    PIL.Image.fromarray(np.ascontiguousarray(pixels)).save(buffer, format="JPEG", quality=85)
+    return rr.EncodedImage(contents=buffer.getvalue(), media_type="image/jpeg")

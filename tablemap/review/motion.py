@@ -1,0 +1,82 @@
+"""Where the base went: recorded, by odometry, and registered."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+
+from tablemap.geometry import Floats, Pose2
+from tablemap.odometry import Odometry, OdometryScan, Trajectory
+from tablemap.review import colours, text
+from tablemap.review.clouds import raised
+from tablemap.review.stream import Stream
+
+TRAJECTORY_HEIGHT = 0.02
+
+
+class Motion:
+    """Draws the odometry; it thins its scans over sensor time."""
+
+    def __init__(self) -> None:
+        self._last_ns: int | None = None
+        self._thresholds: list[tuple[int, float]] = []
+
+    def log_scan(self, stream: Stream, scan: OdometryScan) -> None:
+        """Log a scan where KISS-ICP placed it, and the threshold that it used."""
+        self._thresholds.append((scan.stamp_ns, scan.threshold))
+        between_ns = int(stream.config.scan_seconds * 1e9)
+        is_next = self._last_ns is None or scan.stamp_ns - self._last_ns >= between_ns
+        if not (is_next or stream.config.level == "full"):
+            return
+        self._last_ns = scan.stamp_ns
+        stream.at(scan.stamp_ns)
+        stream.log(
+            "odometry/scan",
+            rr.Points3D(
+                raised(scan.points, stream.scene.laser_height),
+                colors=[colours.ODOMETRY],
+                radii=rr.Radius.ui_points(1.5),
+            ),
+        )
+
+    def log_odometry(self, stream: Stream, odometry: Odometry) -> None:
+        """Log the recorded and the estimated trajectories."""
+        stream.hold()
+        stream.text("odometry/summary", text.odometry(odometry))
+        log_trajectory(stream, "trajectory/localised", odometry.localised, colours.LOCALISED)
+        log_trajectory(stream, "trajectory/odometry", odometry.trajectory, colours.ODOMETRY)
+        if odometry.wheels is not None and len(odometry.wheels.poses):
+            start = Pose2.from_array(odometry.localised.poses[0])
+            moved = start @ Pose2.from_array(odometry.wheels.poses[0]).inverse()
+            in_map = moved.apply(odometry.wheels.poses[:, :2])
+            _log_path(stream, "trajectory/wheels", in_map, colours.WHEELS)
+        if self._thresholds:
+            stamps, thresholds = zip(*self._thresholds, strict=True)
+            times = np.array(stamps, dtype="datetime64[ns]")
+            stream.rec.send_columns(
+                "odometry/threshold_m",
+                indexes=[rr.TimeColumn("sensor_time", timestamp=times)],
+                columns=rr.Scalars.columns(scalars=np.array(thresholds, dtype=np.float64)),
+            )
+            self._thresholds = []
+
+
+def log_trajectory(
+    stream: Stream, path: str, trajectory: Trajectory, colour: colours.Colour
+) -> None:
+    """Log a trajectory in the map as one line, named after its entity."""
+    if len(trajectory.poses):
+        _log_path(stream, path, trajectory.poses[:, :2], colour)
+
+
+def _log_path(stream: Stream, path: str, places: Floats, colour: colours.Colour) -> None:
+    stream.log(
+        path,
+        rr.LineStrips3D(
+            [raised(places, TRAJECTORY_HEIGHT)],
+            colors=[colour],
+            radii=rr.Radius.ui_points(1.5),
+            labels=[path.rsplit("/", 1)[-1]],
+            show_labels=False,
+        ),
+    )

@@ -1,0 +1,93 @@
+"""The run itself: stages, how long they took, warnings and how it ended."""
+
+from __future__ import annotations
+
+import bisect
+from collections.abc import Iterable
+
+import rerun as rr
+
+from tablemap.errors import ProcessWarning
+from tablemap.record import RunFailed, StageFinished, StageStarted
+from tablemap.review import colours, text
+from tablemap.review.stream import Stream
+
+BAR_WIDTH = 400.0
+BAR_PITCH = 30.0
+BAR_HEIGHT = 20.0
+LABEL_DROP = 11.0  # the viewer writes labels this far below their points
+
+
+def log_started(stream: Stream, started: StageStarted) -> None:
+    """Begin a stage: rows from here on belong to it (stage 0 is the opening of the recording)."""
+    stream.stage = started.index + 1
+    stream.scene.stages.append((started.name, None))
+    stream.at(stream.scene.start_ns)
+    stream.log_flat("log", rr.TextLog(f"{started.name} begins", level="DEBUG"))
+
+
+def log_finished(stream: Stream, finished: StageFinished) -> None:
+    """End a stage: draw the times so far, and bring everything to the disk."""
+    stages = stream.scene.stages
+    if (finished.name, None) in stages:
+        stages.remove((finished.name, None))
+    stages.append((finished.name, finished.seconds))
+    stream.scene.reached.add(finished.name)
+    stream.hold()
+    stream.text("timing/summary", text.timings(stages))
+    _log_bars(stream, [(name, seconds) for name, seconds in stages if seconds is not None])
+    stream.flush()
+
+
+def _log_bars(stream: Stream, stages: list[tuple[str, float]]) -> None:
+    longest = max(max(seconds for _, seconds in stages), 1e-9)
+    widths = [max(BAR_WIDTH * seconds / longest, 1.0) for _, seconds in stages]
+    tops = [BAR_PITCH * k for k in range(len(stages))]
+    stream.log_flat(
+        "timing/bars",
+        rr.LineStrips2D(
+            [
+                [(0.0, top + BAR_HEIGHT / 2), (width, top + BAR_HEIGHT / 2)]
+                for width, top in zip(widths, tops, strict=True)
+            ],
+            colors=[colours.ODOMETRY],
+            radii=BAR_HEIGHT / 2,
+        ),
+    )
+    stream.log_flat(
+        "timing/names",
+        rr.Points2D(
+            [(-80.0, top + BAR_HEIGHT / 2 - LABEL_DROP) for top in tops],
+            labels=[f"{name} {seconds:.2f} s" for name, seconds in stages],
+            colors=[colours.INK],
+            radii=rr.Radius.ui_points(0.0),
+            show_labels=True,
+        ),
+    )
+
+
+def log_failure(stream: Stream, failed: RunFailed) -> None:
+    """Say in the summary and in the log that the run has no model, and why."""
+    stream.hold()
+    stream.text("summary", text.failure(failed.stage, failed.message))
+    stream.log_flat("log", rr.TextLog(f"{failed.stage}: {failed.message}", level="ERROR"))
+    stream.flush()
+
+
+def log_warning(stream: Stream, warning: ProcessWarning) -> None:
+    """Log one warning at the time that it concerns."""
+    scene = stream.scene
+    if warning.stamp_ns is None:
+        stream.hold()
+    else:
+        nearest = bisect.bisect_right(scene.stamps_ns, warning.stamp_ns) - 1
+        stream.at(warning.stamp_ns, snapshot=max(nearest, 0))
+    level = "WARN" if warning.code.startswith("accuracy.") else "INFO"
+    message = f"{warning.stage}: {warning.message} ({warning.code})"
+    stream.log_flat("log", rr.TextLog(message, level=level))
+
+
+def log_warnings(stream: Stream, warnings: Iterable[ProcessWarning]) -> None:
+    """Log a result's warnings."""
+    for warning in warnings:
+        log_warning(stream, warning)

@@ -1,0 +1,189 @@
+"""What the robot recorded: frames, scans, depth and colour."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+
+from tablemap.geometry import Floats, invert, transform
+from tablemap.recording import FrameNames, Recording
+from tablemap.recording.messages import Image, LaserScan
+from tablemap.review import colours
+from tablemap.review.clouds import raised
+from tablemap.review.images import colour_archetype, depth_archetype
+from tablemap.review.stream import Stream
+from tablemap.snapshots import SetAside, Snapshot, Snapshots
+
+SCAN_SEARCH_NS = 200_000_000
+IMAGE_PLANE = "_image_plane"
+HEADING_LENGTH = 0.35
+
+
+def log_recording(stream: Stream, recording: Recording) -> None:
+    """Log the recorded frames over time, and in full every image and scan."""
+    stamps = np.unique(np.concatenate([recording.pose_stamps(), recording.depth_stamps()]))
+    step = max(1, -(-len(stamps) // stream.config.poses))
+    _log_frames(stream, recording, stamps[::step])
+    stream.hold()
+    stream.log(
+        "robot/heading",
+        rr.Arrows3D(
+            vectors=[[HEADING_LENGTH, 0, 0]],
+            colors=[colours.LOCALISED],
+            labels=["base as localised"],
+            show_labels=False,
+        ),
+        frame=recording.names.base,
+    )
+    if stream.config.level == "full":
+        for scan in recording.scans():
+            stream.at(scan.stamp_ns)
+            _log_scan(stream, recording, scan)
+        for frame in recording.depth_frames():
+            stream.at(frame.stamp_ns)
+            stream.transform(
+                "tf/camera", recording.names.base, recording.names.camera, frame.base_from_camera
+            )
+            _log_pinhole(stream, recording.names, frame.k, frame.depth.shape)
+            stream.log(
+                "camera/depth",
+                depth_archetype(frame.message, frame.depth),
+                frame=recording.names.camera + IMAGE_PLANE,
+            )
+
+
+def _log_frames(
+    stream: Stream, recording: Recording, stamps_ns: np.typing.NDArray[np.int64]
+) -> None:
+    names = recording.names
+    bases: list[Floats] = []
+    odoms: list[Floats] = []
+    kept: list[int] = []
+    for stamp in stamps_ns.tolist():
+        fixed_from_base = recording.fixed_from_base(stamp)
+        odom_from_base = recording.odom_from_base(stamp) if names.odom else None
+        if fixed_from_base is None or (names.odom and odom_from_base is None):
+            continue
+        kept.append(stamp)
+        bases.append(fixed_from_base)
+        if odom_from_base is not None:
+            odoms.append(odom_from_base)
+    times = np.array(kept, dtype=np.int64)
+    if not kept:
+        return
+    if names.odom and names.odom != names.fixed:
+        corrections = [base @ invert(odom) for base, odom in zip(bases, odoms, strict=True)]
+        stream.transforms("tf/odom", names.fixed, names.odom, times, np.stack(corrections))
+        stream.transforms("tf/base", names.odom, names.base, times, np.stack(odoms))
+    else:
+        stream.transforms("tf/base", names.fixed, names.base, times, np.stack(bases))
+
+
+def log_snapshots(stream: Stream, taken: Snapshots) -> None:
+    """Log every viewpoint, and what was set aside with its reason."""
+    for snapshot in taken.snapshots:
+        log_snapshot(stream, snapshot)
+    for one in taken.set_aside:
+        log_set_aside(stream, one)
+
+
+def log_snapshot(stream: Stream, snapshot: Snapshot) -> None:
+    """Log one viewpoint as recorded: camera pose, depth, colour and the scan at that time."""
+    scene = stream.scene
+    if not scene.stamps_ns and scene.start_ns == 0:
+        scene.start_ns = snapshot.start_ns
+    scene.stamps_ns.append(snapshot.stamp_ns)
+    scene.localised.append(snapshot.map_from_base)
+    scene.cameras.append((snapshot.base_from_camera, _frustum(snapshot)))
+    stream.at(snapshot.stamp_ns, snapshot=snapshot.index)
+    names = scene.names or FrameNames("map", None, "base", "camera", None)
+    _log_pose(stream, names, snapshot)
+    height, width = snapshot.depth.shape
+    camera = snapshot.camera
+    k = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
+    _log_pinhole(stream, names, k, (height, width))
+    stream.log(
+        "camera/depth",
+        depth_archetype(snapshot.depth_message, snapshot.depth),
+        frame=names.camera + IMAGE_PLANE,
+    )
+    if snapshot.colour_message is not None:
+        colour = colour_archetype(snapshot.colour_message)
+        if colour is not None:
+            stream.log_flat("camera/colour", colour)
+            scene.has_colour = True
+        else:
+            message = snapshot.colour_message
+            form = message.encoding if isinstance(message, Image) else message.format
+            stream.log_flat(
+                "log", rr.TextLog(f"colour image not shown: its encoding is {form!r}", level="INFO")
+            )
+    if scene.recording is not None and names.laser:
+        stamp = snapshot.stamp_ns
+        scans = scene.recording.scans(stamp - SCAN_SEARCH_NS, stamp + SCAN_SEARCH_NS)
+        nearest = min(scans, key=lambda scan: abs(scan.stamp_ns - stamp), default=None)
+        if nearest is not None:
+            _log_scan(stream, scene.recording, nearest)
+
+
+def log_set_aside(stream: Stream, one: SetAside) -> None:
+    """Log what was not used, and why, at its time."""
+    stream.at(one.stamp_ns, snapshot=one.index)
+    stream.log_flat("log", rr.TextLog(f"{one.what} set aside: {one.reason}", level="INFO"))
+
+
+def _log_pose(stream: Stream, names: FrameNames, snapshot: Snapshot) -> None:
+    """Log the camera where it was, whatever frames the recording carries it through."""
+    map_from_base = snapshot.map_from_base.lifted()
+    recording = stream.scene.recording
+    recorded = recording.fixed_from_base(snapshot.stamp_ns) if recording else None
+    odom = recording.odom_from_base(snapshot.stamp_ns) if recording and names.odom else None
+    base = map_from_base if recorded is None else recorded
+    if odom is not None and names.odom and names.odom != names.fixed:
+        stream.transform("tf/odom", names.fixed, names.odom, base @ invert(odom))
+        stream.transform("tf/base", names.odom, names.base, odom)
+    else:
+        stream.transform("tf/base", names.fixed, names.base, base)
+    camera = invert(base) @ map_from_base @ snapshot.base_from_camera
+    stream.transform("tf/camera", names.base, names.camera, camera)
+
+
+def _log_pinhole(stream: Stream, names: FrameNames, k: Floats, shape: tuple[int, ...]) -> None:
+    stream.rec.log(
+        "camera",
+        rr.Pinhole(
+            image_from_camera=k,
+            height=shape[0],
+            width=shape[1],
+            parent_frame=names.camera,
+            child_frame=names.camera + IMAGE_PLANE,
+            image_plane_distance=0.25,
+            color=colours.INK,
+        ),
+    )
+
+
+def _log_scan(stream: Stream, recording: Recording, scan: LaserScan) -> None:
+    laser = recording.names.laser
+    if laser is None:
+        return
+    base_from_laser = recording.base_from_laser(scan.stamp_ns)
+    stream.scene.laser_height = float(base_from_laser[2, 3])
+    stream.transform("tf/laser", recording.names.base, laser, base_from_laser)
+    ranges = scan.ranges.astype(np.float64)
+    hit = np.isfinite(ranges) & (ranges > scan.range_min) & (ranges < scan.range_max)
+    beams = np.column_stack([np.cos(scan.angles), np.sin(scan.angles)])[hit] * ranges[hit, None]
+    stream.log(
+        "laser/scan",
+        rr.Points3D(raised(beams, 0.0), colors=[colours.ODOMETRY], radii=rr.Radius.ui_points(1.5)),
+        frame=laser,
+    )
+
+
+def _frustum(snapshot: Snapshot) -> Floats:
+    """Return the (5, 3) corners of the camera's view at a depth of 0.2 m, its centre first."""
+    camera = snapshot.camera
+    u = (np.array([0, camera.width, camera.width, 0]) - camera.cx) / camera.fx
+    v = (np.array([0, 0, camera.height, camera.height]) - camera.cy) / camera.fy
+    corners = 0.2 * np.column_stack([u, v, np.ones(4)])
+    return transform(snapshot.base_from_camera, np.concatenate([np.zeros((1, 3)), corners]))

@@ -1,0 +1,180 @@
+"""The open .rrd: timelines, frames, and a bounded queue before the disk."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from tablemap.config import ReviewConfig
+from tablemap.errors import TablemapError
+from tablemap.geometry import Floats, Pose2
+from tablemap.recording import FrameNames, Recording
+
+SCHEMA = "tablemap/review/1"
+FLUSH_SECONDS = 60
+HEAVY = (rr.Points3D, rr.EncodedDepthImage, rr.EncodedImage, rr.SegmentationImage)
+HEAVY_BETWEEN_FLUSHES = 10
+FEW_STOPS = 15
+"""Up to here stops are drawn large and with their numbers."""
+
+
+@dataclass
+class Scene:
+    """What later results need of earlier ones to be drawn: small, whatever the recording's length.
+
+    ``stamps_ns`` and ``localised`` are the snapshots' by index, ``tops`` and ``clutter`` their
+    thinned (n, 3) points in the base; ``centre`` (2,), ``extent`` (metres) and ``yaw`` the table's
+    place, size and heading as far as known; ``stages`` holds name and seconds (None while it runs).
+    """
+
+    names: FrameNames | None = None
+    recording: Recording | None = None
+    start_ns: int = 0
+    stamps_ns: list[int] = field(default_factory=list)
+    localised: list[Pose2] = field(default_factory=list)
+    cameras: list[tuple[Floats, Floats]] = field(default_factory=list)
+    tops: dict[int, NDArray[np.float32]] = field(default_factory=dict)
+    clutter: dict[int, NDArray[np.float32]] = field(default_factory=dict)
+    laser_height: float = 0.1
+    height: float = 0.0
+    centre: tuple[float, float] | None = None
+    extent: float = 1.0
+    yaw: float = 0.0
+    shape: str = ""
+    has_colour: bool = False
+    stages: list[tuple[str, float | None]] = field(default_factory=list)
+    reached: set[str] = field(default_factory=set)
+    warnings_seen: int = 0
+
+
+class Stream:
+    """An .rrd that is being written: every row gets its frame and its place on the timelines."""
+
+    def __init__(
+        self, path: Path, *, run_id: str, recording_name: str, config: ReviewConfig
+    ) -> None:
+        self.path = path
+        self.config = config
+        self.scene = Scene()
+        self.stage = 0
+        self._frames: dict[str, str] = {}
+        self._heavy = 0
+        self._open = True
+        self.rec = rr.RecordingStream("tablemap", recording_id=run_id)
+        self.rec.set_log_time_enabled(False)
+        self.rec.set_log_tick_enabled(False)
+        try:
+            self.rec.save(path)
+        except Exception as error:
+            raise TablemapError(f"the review file cannot be opened ({error}): {path}") from error
+        self.rec.send_recording_name(recording_name)
+        self.rec.send_property("review", rr.AnyValues(schema=SCHEMA, level=config.level))
+        self.rec.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        self.flush()
+        if not path.is_file():
+            raise TablemapError(
+                f"the review file was not made; is RERUN=off set in the environment? {path}"
+            )
+
+    def open_recording(self, recording: Recording) -> None:
+        """Take frames and times of the recording that the rows to come are about."""
+        scene = self.scene
+        scene.recording, scene.names = recording, recording.names
+        scene.start_ns = recording.start_ns
+
+    @property
+    def map_frame(self) -> str:
+        """The recording's fixed frame."""
+        return self.scene.names.fixed if self.scene.names else "map"
+
+    def at(self, stamp_ns: int, *, snapshot: int | None = None) -> None:
+        """Let the next rows belong to a sensor time, and to a snapshot if one is named."""
+        self.rec.reset_time()
+        self.rec.set_time("stage", sequence=self.stage)
+        self.rec.set_time("sensor_time", timestamp=np.datetime64(stamp_ns, "ns"))
+        if snapshot is not None:
+            self.rec.set_time("snapshot", sequence=snapshot)
+
+    def hold(self) -> None:
+        """Let the next rows hold for the whole recording, from the current stage on."""
+        self.at(self.scene.start_ns, snapshot=0)
+        self.rec.set_time("iteration", sequence=0)
+
+    def log(self, path: str, *what: rr.AsComponents, frame: str | None = None) -> None:
+        """Log something in space, in a named frame (the fixed one if none is named)."""
+        named = frame or self.map_frame
+        if self._frames.get(path) != named:
+            self.rec.log(path, rr.CoordinateFrame(named), static=True)
+            self._frames[path] = named
+        self.log_flat(path, *what)
+
+    def log_flat(self, path: str, *what: rr.AsComponents) -> None:
+        """Log something that has no place in space: text, plots, images."""
+        for one in what:
+            self.rec.log(path, one)
+            if isinstance(one, HEAVY):
+                self._heavy += 1
+        if self._heavy >= HEAVY_BETWEEN_FLUSHES:
+            self.flush()
+
+    def text(self, path: str, markdown: str) -> None:
+        """Log a page of markdown."""
+        self.log_flat(path, rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN))
+
+    def transform(self, path: str, parent: str, child: str, pose: Floats) -> None:
+        """Log the (4, 4) pose ``parent_from_child`` as a named relation."""
+        self.rec.log(
+            path,
+            rr.Transform3D(
+                translation=pose[:3, 3],
+                mat3x3=pose[:3, :3],
+                parent_frame=parent,
+                child_frame=child,
+            ),
+        )
+
+    def transforms(
+        self, path: str, parent: str, child: str, stamps_ns: NDArray[np.int64], poses: Floats
+    ) -> None:
+        """Log (n, 4, 4) poses ``parent_from_child`` over sensor time in one go."""
+        if len(stamps_ns) == 0:
+            return
+        times = rr.TimeColumn("sensor_time", timestamp=stamps_ns.astype("datetime64[ns]"))
+        columns = rr.Transform3D.columns(
+            translation=poses[:, :3, 3],
+            mat3x3=poses[:, :3, :3],
+            parent_frame=[parent] * len(poses),
+            child_frame=[child] * len(poses),
+        )
+        self.rec.send_columns(path, indexes=[times], columns=columns)
+
+    def flush(self) -> None:
+        """Wait until all rows are on the disk.
+
+        Raises `TablemapError` where they cannot get there. The queue before the disk has no bound
+        and reports no error of its own, hence the waiting.
+        """
+        self._heavy = 0
+        try:
+            self.rec.flush(timeout_sec=FLUSH_SECONDS)
+        except Exception as error:
+            raise TablemapError(
+                f"the review file cannot be written ({error}); is the disk full? {self.path}"
+            ) from error
+
+    def close(self) -> None:
+        """Write what is left and the footer. Closing twice does nothing.
+
+        Raises `TablemapError` where the last rows cannot be written.
+        """
+        if not self._open:
+            return
+        self._open = False
+        try:
+            self.flush()
+        finally:
+            self.rec.disconnect()

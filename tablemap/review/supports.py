@@ -1,0 +1,87 @@
+"""The legs: evidence, what was set aside, and what was fitted."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+
+from tablemap.geometry import Floats
+from tablemap.legs import Leg, Legs, RejectedCluster
+from tablemap.review import colours, text
+from tablemap.review.clouds import raised
+from tablemap.review.stream import Stream
+
+
+def log_legs(stream: Stream, legs: Legs) -> None:
+    """Log the evidence near the table, each leg with its points, and the rejected with reasons."""
+    stream.hold()
+    stream.text("legs/summary", text.legs(legs))
+    height = stream.scene.laser_height
+    if len(legs.evidence):
+        stream.log(
+            "legs/evidence",
+            rr.Points3D(
+                raised(legs.evidence, height),
+                colors=[colours.MUTED],
+                radii=rr.Radius.ui_points(1.5),
+            ),
+        )
+    for index, leg in enumerate(legs.legs):
+        _log_leg(stream, index, leg, height)
+    _log_rejected(stream, legs.rejected, height)
+
+
+def _log_leg(stream: Stream, index: int, leg: Leg, height: float) -> None:
+    if len(leg.points):
+        stream.log(
+            f"legs/{index:02d}/points",
+            rr.Points3D(
+                raised(leg.points, height),
+                colors=[colours.of_stop(index)],
+                radii=rr.Radius.ui_points(2.5),
+            ),
+        )
+    stream.log(
+        f"legs/{index:02d}/fit",
+        rr.LineStrips3D(
+            [raised(leg_outline(leg), height)],
+            colors=[colours.STATUS.get(leg.status, colours.INK)],
+            radii=rr.Radius.ui_points(2.0),
+            labels=[f"leg {index}: {leg.shape}, {leg.status}"],
+        ),
+    )
+
+
+def leg_outline(leg: Leg) -> Floats:
+    """Return a leg's closed outline (n, 2) in the map."""
+    if leg.shape == "circle":
+        angles = np.linspace(0, 2 * np.pi, 37)
+        radius = leg.dimensions["diameter"].value / 2
+        return np.array([leg.x, leg.y]) + radius * np.column_stack([np.cos(angles), np.sin(angles)])
+    half = np.array([leg.dimensions["length"].value, leg.dimensions["width"].value]) / 2
+    corners = half * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1], [1, 1]])
+    c, s = np.cos(leg.yaw), np.sin(leg.yaw)
+    return np.asarray(np.array([leg.x, leg.y]) + corners @ np.array([[c, s], [-s, c]]))
+
+
+def _log_rejected(stream: Stream, rejected: tuple[RejectedCluster, ...], height: float) -> None:
+    if not rejected:
+        return
+    points = [raised(one.points, height) for one in rejected if len(one.points)]
+    if points:
+        stream.log(
+            "legs/rejected/points",
+            rr.Points3D(
+                np.concatenate(points), colors=[colours.DROPPED], radii=rr.Radius.ui_points(2.0)
+            ),
+        )
+    stream.log(
+        "legs/rejected/reasons",
+        rr.Points3D(
+            [(one.x, one.y, height + 0.05) for one in rejected],
+            labels=[one.reason for one in rejected],
+            colors=[colours.DROPPED],
+            radii=rr.Radius.ui_points(3.0),
+            show_labels=len(rejected) <= 6 and min(len(one.points) for one in rejected) >= 5,
+        ),
+    )

@@ -1,0 +1,194 @@
+"""The top: its edges in each view, the candidates fitted to them, and the chosen one."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+import shapely
+
+from tablemap.geometry import Floats, Pose2
+from tablemap.outline import Outline, ViewEdges
+from tablemap.review import colours, text
+from tablemap.review.clouds import closed, raised, thinned
+from tablemap.review.stream import Stream
+from tablemap.surface import Surface
+
+LIFT = 0.003
+RESIDUAL_LIMIT = 0.005
+PLOT_WIDTH = 400.0
+PLOT_HEIGHT = 100.0
+PLOT_LIMIT_MM = 10.0
+LABEL_DROP = 11.0  # the viewer writes labels this far below their points
+HISTOGRAM_BINS = 41
+
+
+class Top:
+    """Draws outline and surface; it keeps the edges until the poses that place them are known."""
+
+    def __init__(self) -> None:
+        self._poses: tuple[Pose2, ...] = ()
+
+    def take_poses(self, poses: tuple[Pose2, ...]) -> None:
+        """Take the registered poses, by snapshot index."""
+        self._poses = poses
+
+    def log_outline(self, stream: Stream, outline: Outline) -> None:
+        """Log edge points by kind and view, and the height that each view has."""
+        scene = stream.scene
+        scene.height = outline.height
+        for index, height in outline.height_by_view.items():
+            if index < len(scene.stamps_ns):
+                stream.at(scene.stamps_ns[index], snapshot=index)
+                stream.log_flat("outline/height_mm/by_view", rr.Scalars(1000 * height))
+                stream.log_flat("outline/height_mm/all_views", rr.Scalars(1000 * outline.height))
+        stream.hold()
+        stream.text("outline/summary", text.outline(outline))
+        for view in outline.views:
+            self.log_view(stream, view)
+
+    def log_view(self, stream: Stream, view: ViewEdges) -> None:
+        """Log one view's edge points by what made them, and where it saw top."""
+        poses = self._poses or tuple(stream.scene.localised)
+        if view.index >= len(poses):
+            return
+        pose, height = poses[view.index], stream.scene.height + LIFT
+        stream.hold()
+        for kind, (name, colour) in colours.EDGES.items():
+            points = view.points[view.kind == kind]
+            if len(points):
+                stream.log(
+                    f"outline/edges/{name}/{view.index:02d}",
+                    rr.Points3D(
+                        raised(pose.apply(points), height),
+                        colors=[colour],
+                        radii=rr.Radius.ui_points(2.5),
+                    ),
+                )
+        top = thinned(view.top, 3 * stream.config.voxel)
+        if len(top):
+            stream.log(
+                f"outline/top/{view.index:02d}",
+                rr.Points3D(
+                    raised(pose.apply(top), stream.scene.height),
+                    colors=[(*colours.of_stop(view.index), 120)],
+                    radii=rr.Radius.ui_points(1.0),
+                ),
+            )
+
+    def log_surface(self, stream: Stream, surface: Surface) -> None:
+        """Log hull, candidates with their scores, and the chosen shape with its residuals."""
+        scene = stream.scene
+        scene.height, scene.shape = surface.height.value, surface.shape
+        if len(surface.outline):
+            scene.centre, scene.yaw = (surface.pose.x, surface.pose.y), surface.pose.yaw
+            away = surface.outline - np.array(scene.centre)
+            scene.extent = float(max(np.linalg.norm(away, axis=1).max(), 0.2))
+        height = surface.height.value + LIFT
+        stream.hold()
+        stream.text("surface/summary", text.surface(surface))
+        if len(surface.hull) > 2:
+            _log_line(stream, "surface/hull", closed(surface.hull, height), colours.MUTED, "hull")
+        for one in surface.candidates:
+            name = f"{one.shape}: {one.score:.3f}"
+            path = f"surface/candidates/{one.shape}"
+            tint = colours.USED if one.shape == surface.shape else colours.MUTED
+            if len(one.outline):
+                _log_line(stream, path, closed(one.outline, height + LIFT), tint, name)
+        if len(surface.edges):
+            stream.log(
+                "surface/chosen",
+                rr.LineStrips3D(
+                    [raised(edge.points, height + 2 * LIFT) for edge in surface.edges],
+                    colors=[colours.STATUS.get(edge.status, colours.INK) for edge in surface.edges],
+                    radii=rr.Radius.ui_points(1.2),
+                    labels=[
+                        f"{edge.status}, {100 * edge.seen_fraction:.0f} % seen"
+                        for edge in surface.edges
+                    ],
+                    show_labels=len(surface.edges) <= 12,
+                ),
+            )
+        if len(surface.points):
+            stream.log(
+                "surface/residuals",
+                rr.Points3D(
+                    raised(surface.points, height),
+                    colors=colours.diverging(surface.residuals, RESIDUAL_LIMIT),
+                    radii=rr.Radius.ui_points(2.5),
+                ),
+            )
+            _log_unrolled(stream, surface)
+            _log_histogram(stream, surface.residuals)
+
+
+def _log_line(
+    stream: Stream, path: str, line: np.typing.NDArray[np.float32], tint: colours.Colour, name: str
+) -> None:
+    stream.log(
+        path,
+        rr.LineStrips3D(
+            [line], colors=[tint], radii=rr.Radius.ui_points(1.5), labels=[name], show_labels=False
+        ),
+    )
+
+
+def _log_histogram(stream: Stream, residuals: Floats) -> None:
+    millimetres = 1000 * residuals[np.isfinite(residuals)]
+    edges = np.linspace(-PLOT_LIMIT_MM, PLOT_LIMIT_MM, HISTOGRAM_BINS + 1)
+    counts, _ = np.histogram(np.clip(millimetres, edges[0], edges[-1]), bins=edges)
+    stream.log_flat(
+        "surface/residual_histogram_mm",
+        rr.BarChart(counts, color=colours.ODOMETRY, abscissa=(edges[1:] + edges[:-1]) / 2),
+    )
+
+
+def _log_unrolled(stream: Stream, surface: Surface) -> None:
+    """Plot residuals in millimetres along the outline, unrolled from its first corner."""
+    if len(surface.outline) < 3:
+        return
+    ring = shapely.LinearRing(surface.outline)
+    along = shapely.line_locate_point(ring, shapely.points(surface.points)) / ring.length
+    millimetres = np.clip(1000 * np.nan_to_num(surface.residuals), -PLOT_LIMIT_MM, PLOT_LIMIT_MM)
+    scale = PLOT_HEIGHT / PLOT_LIMIT_MM
+    marks = [-10.0, -5.0, 0.0, 5.0, 10.0]
+    stream.log_flat(
+        "surface/unrolled/axes",
+        rr.LineStrips2D(
+            [[(0.0, -scale * mark), (PLOT_WIDTH, -scale * mark)] for mark in marks],
+            colors=[colours.INK if mark == 0 else colours.MUTED for mark in marks],
+            radii=rr.Radius.ui_points(0.7),
+        ),
+    )
+    stream.log_flat(
+        "surface/unrolled/labels",
+        rr.Points2D(
+            [(-32.0, -scale * mark - LABEL_DROP) for mark in marks]
+            + [(PLOT_WIDTH / 2, PLOT_HEIGHT + 10.0)],
+            labels=[f"{mark:+.0f} mm" for mark in marks]
+            + [f"once round the outline, {ring.length:.2f} m"],
+            colors=[colours.INK],
+            radii=rr.Radius.ui_points(0.0),
+            show_labels=True,
+        ),
+    )
+    corners = shapely.line_locate_point(ring, shapely.points(surface.outline)) / ring.length
+    if len(corners) <= 12:
+        stream.log_flat(
+            "surface/unrolled/corners",
+            rr.LineStrips2D(
+                [
+                    [(PLOT_WIDTH * share, -PLOT_HEIGHT), (PLOT_WIDTH * share, PLOT_HEIGHT)]
+                    for share in corners
+                ],
+                colors=[colours.MUTED],
+                radii=rr.Radius.ui_points(0.7),
+            ),
+        )
+    stream.log_flat(
+        "surface/unrolled/residuals",
+        rr.Points2D(
+            np.column_stack([PLOT_WIDTH * along, -scale * millimetres]),
+            colors=colours.diverging(surface.residuals, RESIDUAL_LIMIT),
+            radii=rr.Radius.ui_points(1.5),
+        ),
+    )

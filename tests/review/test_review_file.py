@@ -1,0 +1,265 @@
+"""The .rrd of a made-up drive: what is in it, where on the timelines, and how large it is."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rerun as rr
+from rerun.chunk import RrdReader
+
+from tablemap.config import ReviewConfig
+from tablemap.errors import TablemapError
+from tablemap.record import RunFailed, StageFinished
+from tablemap.recording.messages import CompressedImage, Image
+from tablemap.registration import Registration
+from tablemap.review import Reviewer
+from tablemap.review.images import colour_archetype, depth_archetype, encode_depth
+from tablemap.segmentation import Segmentation
+from tablemap.surface import Surface
+from tests.review import factory
+
+STOPS = 8
+
+
+@pytest.fixture(autouse=True)
+def strict() -> None:
+    """Bad data raises instead of being left out."""
+    rr.set_strict_mode(True)
+
+
+@pytest.fixture(scope="module")
+def run() -> list[object]:
+    """All results of a made-up run."""
+    return factory.results(stops=STOPS)
+
+
+@pytest.fixture(scope="module")
+def review(run: list[object], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Their review, at the standard level."""
+    return write(tmp_path_factory.mktemp("review") / "run.rrd", run)
+
+
+def write(path: Path, run: list[object], level: str = "standard") -> Path:
+    """Write a review of results."""
+    config = ReviewConfig.model_validate({"level": level})
+    with Reviewer(path, run_id=path.parent.name, recording_name="made up", config=config) as record:
+        for one in run:
+            record(one)
+    return path
+
+
+def rows(path: Path) -> dict[str, int]:
+    """Rows by entity."""
+    counts: dict[str, int] = {}
+    for chunk in RrdReader(path).stream():
+        counts[chunk.entity_path] = counts.get(chunk.entity_path, 0) + chunk.num_rows
+    return counts
+
+
+def timelines(path: Path, entity: str) -> set[str]:
+    """The timelines that an entity has rows on."""
+    return {
+        name
+        for chunk in RrdReader(path).stream()
+        if chunk.entity_path == entity
+        for name in chunk.timeline_names
+    }
+
+
+def test_the_story_is_complete(review: Path) -> None:
+    """Each stage's part is there, under a path that reads like the pipeline."""
+    found = rows(review)
+    for path in (
+        "/summary",
+        "/tf/odom",
+        "/tf/base",
+        "/tf/camera",
+        "/camera/depth",
+        "/camera/colour",
+        "/laser/scan",
+        "/trajectory/localised",
+        "/trajectory/wheels",
+        "/trajectory/odometry",
+        "/trajectory/registered",
+        "/calibration/summary",
+        "/segmentation/labels",
+        "/segmentation/points",
+        "/segmentation/candidates/chosen",
+        "/segmentation/candidates/others",
+        "/odometry/scan",
+        "/odometry/threshold_m",
+        "/registration/before/scan/03",
+        "/registration/after/scan/03",
+        "/registration/before/top/03",
+        "/registration/after/top/03",
+        "/registration/iterations/rmse_mm/05_to_04",
+        "/registration/graph_in_map/depth_dropped",
+        "/registration/graph",
+        "/outline/edges/table/03",
+        "/outline/edges/occluded/03",
+        "/outline/height_mm/by_view",
+        "/surface/hull",
+        "/surface/candidates/ellipse",
+        "/surface/chosen",
+        "/surface/residuals",
+        "/surface/unrolled/residuals",
+        "/legs/evidence",
+        "/legs/03/fit",
+        "/legs/rejected/reasons",
+        "/model/top",
+        "/model/legs/03",
+        "/model/dimensions",
+        "/model/uncertainty/place",
+        "/timing/bars",
+        "/log",
+    ):
+        assert found.get(path, 0) > 0, f"nothing logged at {path}"
+
+
+def test_images_are_there_once_a_snapshot(review: Path) -> None:
+    """One depth image, one colour image and one label image for every stop."""
+    frame = 1  # an entity in space has one static row that names its frame
+    found = rows(review)
+    assert found["/camera/depth"] - frame == STOPS
+    assert found["/camera/colour"] == STOPS
+    assert found["/segmentation/labels"] == STOPS
+
+
+def test_results_are_on_all_timelines(review: Path) -> None:
+    """Results hold on every timeline; sensor data have their time and their snapshot."""
+    everywhere = {"stage", "sensor_time", "snapshot", "iteration"}
+    assert everywhere <= timelines(review, "/model/top")
+    assert {"stage", "sensor_time", "snapshot"} <= timelines(review, "/camera/depth")
+    assert timelines(review, "/registration/iterations/fitness/05_to_04") == {"iteration"}
+    assert "log_time" not in timelines(review, "/model/top")
+
+
+def test_sensor_time_is_exact(review: Path) -> None:
+    """Stamps keep their nanoseconds."""
+    expected = {factory.START_NS + i * factory.STOP_NS + factory.STOP_NS // 2 for i in range(STOPS)}
+    found: set[int] = set()
+    for chunk in RrdReader(review).stream():
+        if chunk.entity_path == "/camera/depth" and "sensor_time" in chunk.timeline_names:
+            batch = chunk.to_record_batch()
+            column = batch.column(batch.schema.get_field_index("sensor_time"))
+            found |= {int(value) for value in column.cast("int64").to_pylist()}
+    assert found == expected
+
+
+def test_levels_bound_the_size(run: list[object], review: Path, tmp_path: Path) -> None:
+    """A made-up lap of eight stops is small; ``off`` has summary and model alone."""
+    off = write(tmp_path / "off.rrd", run, level="off")
+    assert review.stat().st_size < 10e6
+    assert off.stat().st_size < 0.2 * review.stat().st_size
+    found = rows(off)
+    assert found["/model/top"] > 0
+    assert found["/summary"] > 0
+    assert not any(path.startswith(("/camera/", "/segmentation/labels")) for path in found)
+
+
+def test_full_carries_every_scan(run: list[object], review: Path, tmp_path: Path) -> None:
+    """``full`` has scans that ``standard`` thins."""
+    full = write(tmp_path / "full.rrd", run, level="full")
+    assert rows(full)["/odometry/scan"] > rows(review)["/odometry/scan"]
+
+
+def test_a_failed_run_says_why(run: list[object], tmp_path: Path) -> None:
+    """A run that ends early has what was done, and the reason as its summary."""
+    until = next(i for i, one in enumerate(run) if isinstance(one, Registration))
+    failed = [*run[:until], RunFailed("registration", "no two views overlap")]
+    path = write(tmp_path / "failed.rrd", failed)
+    assert "/model/top" not in rows(path)
+    said = [
+        str(chunk.to_record_batch().column("TextDocument:text").to_pylist())
+        for chunk in RrdReader(path).stream()
+        if chunk.entity_path == "/summary"
+    ]
+    assert any("no two views overlap" in one for one in said)
+
+
+def test_empty_results_are_drawn(run: list[object], tmp_path: Path) -> None:
+    """Results with nothing in them are no error."""
+    poor: list[object] = []
+    for one in run:
+        if isinstance(one, Surface):
+            poor.append(factory.emptied(one))
+        elif isinstance(one, Segmentation):
+            poor.append(replace(one, candidates=()))
+        elif isinstance(one, Registration):
+            poor.append(replace(one, pairs=(), checks=(), stop_scans=()))
+        else:
+            poor.append(one)
+    assert rows(write(tmp_path / "poor.rrd", poor))["/surface/summary"] > 0
+
+
+def test_an_unwritable_place_is_said(tmp_path: Path) -> None:
+    """A file that cannot be made is an error with its path."""
+    path = tmp_path / "missing" / "run.rrd"
+    with pytest.raises(TablemapError, match="missing"):
+        Reviewer(path, run_id="nowhere", recording_name="made up", config=ReviewConfig())
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_a_full_disk_is_said(run: list[object], tmp_path: Path) -> None:
+    """A disk that fills up is an error, not a silent loss."""
+    path = tmp_path / "run.rrd"
+    path.symlink_to("/dev/full")
+    with (
+        pytest.raises(TablemapError, match=r"run\.rrd"),
+        Reviewer(path, run_id="full", recording_name="made up", config=ReviewConfig()) as record,
+    ):
+        for one in run:
+            record(one)
+
+
+def _write_and_die(path: Path) -> None:
+    record = Reviewer(path, run_id="killed", recording_name="made up", config=ReviewConfig())
+    for one in factory.results(stops=4):
+        record(one)
+        if isinstance(one, StageFinished) and one.name == "segmentation":
+            os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_killed_run_keeps_its_stages(tmp_path: Path) -> None:
+    """After a kill, what the finished stages logged can be read."""
+    path = tmp_path / "killed.rrd"
+    writer = multiprocessing.get_context("spawn").Process(target=_write_and_die, args=(path,))
+    writer.start()
+    writer.join(60)
+    assert writer.exitcode == -signal.SIGKILL
+    found = rows(path)
+    assert found["/segmentation/labels"] == 4
+    assert "/model/top" not in found
+
+
+def test_recorded_png_is_passed_through() -> None:
+    """A compressedDepth PNG keeps its bytes without the ROS header."""
+    depth = np.full((6, 8), 1.234, dtype=np.float32)
+    png = encode_depth(depth)
+    message = CompressedImage(1, "camera", "16UC1; compressedDepth png", bytes(12) + png)
+    shown = depth_archetype(message, depth)
+    assert shown.blob is not None
+    assert bytes(shown.blob.as_arrow_array().to_pylist()[0]) == png
+
+
+@pytest.mark.parametrize("form", ["32FC1; compressedDepth png", "16UC1; compressedDepth rvl"])
+def test_other_depth_becomes_millimetres(form: str) -> None:
+    """Inverse depth and RVL are written anew from the decoded metres."""
+    depth = np.array([[1.234, np.nan]], dtype=np.float32)
+    shown = depth_archetype(CompressedImage(1, "camera", form, bytes(12) + b"other"), depth)
+    assert shown.blob is not None
+    assert bytes(shown.blob.as_arrow_array().to_pylist()[0]) == encode_depth(depth)
+
+
+def test_unknown_colour_is_left_out() -> None:
+    """A colour encoding that the viewer cannot show is None, whatever its bytes."""
+    assert colour_archetype(Image(1, "camera", 2, 2, "bayer_rggb8", False, 2, bytes(4))) is None
+    assert colour_archetype(Image(1, "camera", 2, 2, "rgb8", False, 6, bytes(5))) is None
+    assert colour_archetype(CompressedImage(1, "camera", "webp", b"RIFF")) is None
+    assert colour_archetype(Image(1, "camera", 2, 2, "rgb8", False, 6, bytes(12))) is not None
