@@ -1,0 +1,200 @@
+"""One run, one folder: ``DIR/<recording-stem>/<run-id>/``.
+
+Every file is written under a temporary name and renamed, so that what bears its name is whole.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import secrets
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from tablemap.config import Config, load_config
+from tablemap.errors import TablemapError
+from tablemap.model import TableModel
+from tablemap.odometry import Trajectory
+
+SCHEMA = "tablemap/manifest/1"
+PACKAGES = (
+    "tablemap",
+    "numpy",
+    "scipy",
+    "open3d-cpu",
+    "open3d",
+    "kiss-icp",
+    "rerun-sdk",
+    "mcap",
+    "rosbags",
+    "shapely",
+)
+
+Status = Literal["running", "ok", "partial", "failed", "interrupted"]
+
+
+class RecordingEntry(BaseModel):
+    """The input: ``sha256`` is null until it was read to its end, or where it is no local file."""
+
+    path: str
+    size: int | None
+    sha256: str | None
+
+
+class Manifest(BaseModel):
+    """What was run on what, and how it ended."""
+
+    model_config = ConfigDict(extra="ignore", populate_by_name=True)
+
+    schema_name: str = Field(SCHEMA, alias="schema")
+    run_id: str
+    recording: RecordingEntry
+    method: str
+    tables: Literal["best", "all"] | tuple[float, float]
+    seed: int
+    versions: dict[str, str]
+    started: str
+    finished: str | None = None
+    timings: dict[str, float] = {}
+    status: Status = "running"
+    error: str | None = None
+
+
+class RunFolder:
+    """A run's folder while the run writes it, or once it is done.
+
+    Raises `TablemapError` where the folder cannot be made or written.
+    """
+
+    def __init__(self, path: Path, manifest: Manifest) -> None:
+        self.path = path
+        self.manifest = manifest
+
+    @staticmethod
+    def create(
+        output: Path,
+        recording: Path,
+        *,
+        method: str,
+        tables: Literal["best", "all"] | tuple[float, float],
+        config: Config,
+    ) -> RunFolder:
+        """Make a new folder that no other run has, its manifest saying ``running``."""
+        now = datetime.now(UTC)
+        run_id = f"{now:%Y%m%dT%H%M%S}-{secrets.token_hex(4)}"
+        path = output / recording.stem / run_id
+        try:
+            path.mkdir(parents=True)
+        except OSError as error:
+            raise TablemapError(
+                f"the run folder cannot be made ({error.strerror}); choose another --output: {path}"
+            ) from error
+        manifest = Manifest(
+            run_id=run_id,
+            recording=RecordingEntry(
+                path=str(recording.resolve()), size=recording.stat().st_size, sha256=None
+            ),
+            method=method,
+            tables=tables,
+            seed=config.seed,
+            versions=_versions(),
+            started=now.isoformat(timespec="seconds"),
+        )
+        folder = RunFolder(path, manifest)
+        folder.update()
+        return folder
+
+    def update(self, **changes: object) -> None:
+        """Change the manifest's fields and write it."""
+        self.manifest = self.manifest.model_copy(update=changes)
+        self.write("manifest.json", self.manifest.model_dump_json(by_alias=True, indent=1) + "\n")
+
+    def finish(self, status: Status, *, error: str | None = None) -> None:
+        """Write how the run ended; ``latest`` names it if it left a model."""
+        finished = datetime.now(UTC).isoformat(timespec="seconds")
+        self.update(status=status, error=error, finished=finished)
+        if status in ("ok", "partial"):
+            link = self.path.parent / "latest"
+            temporary = self.path.parent / f".latest-{self.manifest.run_id}"
+            try:
+                temporary.symlink_to(self.path.name)
+                temporary.replace(link)
+            except OSError as problem:
+                raise TablemapError(f"{link} cannot be written ({problem.strerror}).") from problem
+
+    def write(self, name: str, text: str) -> Path:
+        """Write a text file of the run, whole or not at all."""
+        file = self.path / name
+        temporary = file.with_name(f".{file.name}.part")
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            with temporary.open("w", encoding="utf-8", newline="\n") as stream:
+                stream.write(text)
+                stream.flush()
+                os.fsync(stream.fileno())
+            temporary.replace(file)
+        except OSError as error:
+            temporary.unlink(missing_ok=True)
+            raise TablemapError(
+                f"a result cannot be written ({error.strerror}); free some space or choose another "
+                f"--output: {file}"
+            ) from error
+        return file
+
+    @property
+    def model(self) -> TableModel:
+        """The run's chosen table. Raises `TablemapError` where the run left none."""
+        return TableModel.load(self.path)
+
+    @property
+    def config(self) -> Config:
+        """Every setting of the run."""
+        return load_config(self.path / "config.toml")
+
+
+def load_run(path: Path) -> RunFolder:
+    """Open a run folder, or the last finished run of a recording's folder.
+
+    Raises `TablemapError` where there is no run.
+    """
+    folder = path if path.is_dir() else path.parent
+    if not (folder / "manifest.json").is_file() and (folder / "latest").exists():
+        folder = (folder / "latest").resolve()
+    try:
+        text = (folder / "manifest.json").read_text(encoding="utf-8")
+        manifest = Manifest.model_validate_json(text)
+    except OSError as error:
+        raise TablemapError(
+            f"expected a run folder with a manifest.json, found none; give the path that "
+            f"`tablemap process` printed: {path}"
+        ) from error
+    except ValidationError as error:
+        raise TablemapError(f"the run's manifest is damaged: {folder / 'manifest.json'}") from error
+    return RunFolder(folder.resolve(), manifest)
+
+
+def trajectory_tum(trajectory: Trajectory) -> str:
+    """Return base poses as TUM lines: seconds, x y z, qx qy qz qw, nine decimals."""
+    lines = []
+    for stamp, (x, y, yaw) in zip(trajectory.stamps_ns.tolist(), trajectory.poses, strict=True):
+        seconds = f"{stamp // 10**9}.{stamp % 10**9:09d}"
+        place = f"{x:.9f} {y:.9f} {0:.9f}"
+        lines.append(
+            f"{seconds} {place} {0:.9f} {0:.9f} {np.sin(yaw / 2):.9f} {np.cos(yaw / 2):.9f}"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _versions() -> dict[str, str]:
+    versions = {"python": platform.python_version(), "platform": platform.platform()}
+    for package in PACKAGES:
+        try:
+            versions[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return versions

@@ -1,0 +1,149 @@
+"""One recording, one run folder: the pipeline with its review, archive and way out of failure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from tablemap.archive.folder import RunFolder, trajectory_tum
+from tablemap.config import Config, dump_config
+from tablemap.errors import RecordingError, TablemapError
+from tablemap.model import TableModel
+from tablemap.record import Record, RunFailed, StageFinished, StageStarted, ignore
+
+if TYPE_CHECKING:
+    from tablemap.pipeline import Processed, Tables
+
+Method = Literal["tablemap", "report"]
+
+LOSSES = ("recording.truncated", "recording.damaged")
+"""Warnings that make a run ``partial``: not all of the recording could be read."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended. ``run`` is None where there was no file to make a run of."""
+
+    recording: Path
+    run: RunFolder | None
+    status: Literal["ok", "partial", "failed"]
+    error: str | None
+    model: TableModel | None
+
+
+def run(
+    recording_path: Path,
+    *,
+    output: Path,
+    config: Config,
+    method: Method = "tablemap",
+    tables: Tables = "best",
+    progress: Record = ignore,
+) -> Outcome:
+    """Process a recording into a new run folder under ``output``.
+
+    What is wrong with the recording, the disk or the permissions ends in a failed `Outcome`; the
+    folder keeps ``run.rrd`` and ``manifest.json``, and has no ``table.json``. An interruption or a
+    defect of the program marks the folder and is raised again.
+    """
+    try:
+        if not recording_path.exists():
+            raise RecordingError(f"there is no such file: {recording_path}")
+        if not recording_path.is_file():
+            raise RecordingError(f"expected an MCAP file, found a directory: {recording_path}")
+        folder = RunFolder.create(
+            output, recording_path, method=method, tables=tables, config=config
+        )
+    except TablemapError as error:
+        return Outcome(recording_path, None, "failed", str(error), None)
+
+    from tablemap.recording import sha256
+
+    stages = _Stages()
+    with ThreadPoolExecutor(1, thread_name_prefix="sha256") as hashing:
+        digest = hashing.submit(sha256, recording_path)
+        try:
+            processed = _process_reviewed(
+                recording_path, folder, config, _method(method), tables, stages, progress
+            )
+            entry = folder.manifest.recording.model_copy(update={"sha256": digest.result()})
+            folder.update(recording=entry, timings=stages.seconds)
+            folder.write("trajectory.tum", trajectory_tum(processed.trajectory))
+            folder.write("table.json", processed.model.to_json())
+            for number, other in enumerate(processed.others, start=1):
+                folder.write(f"tables/{number:02d}.json", other.to_json())
+            lost = [w.message for w in processed.model.warnings if w.code in LOSSES]
+            folder.finish("partial" if lost else "ok", error=lost[0] if lost else None)
+        except (TablemapError, OSError) as error:
+            folder.update(timings=stages.seconds)
+            folder.finish("failed", error=str(error))
+            return Outcome(recording_path, folder, "failed", str(error), None)
+        except KeyboardInterrupt:
+            folder.finish("interrupted", error=f"interrupted during {stages.current}")
+            raise
+        except BaseException as error:
+            folder.finish("failed", error=f"{type(error).__name__}: {error}")
+            raise
+    status: Literal["ok", "partial"] = "partial" if lost else "ok"
+    return Outcome(recording_path, folder, status, folder.manifest.error, processed.model)
+
+
+def _process_reviewed(
+    recording_path: Path,
+    folder: RunFolder,
+    config: Config,
+    process: Callable[..., Processed],
+    tables: Tables,
+    stages: _Stages,
+    progress: Record,
+) -> Processed:
+    """Open and process a recording while everything that happens is written to ``run.rrd``."""
+    from tablemap.recording import open_recording
+    from tablemap.review import Reviewer
+
+    folder.write("config.toml", dump_config(config))
+    with Reviewer(
+        folder.path / "run.rrd",
+        run_id=folder.manifest.run_id,
+        recording_name=recording_path.stem,
+        config=config.review,
+    ) as review:
+
+        def record(event: object) -> None:
+            for observe in (stages, progress, review):
+                observe(event)
+
+        try:
+            recording = open_recording(recording_path, topics=config.topics)
+            record(recording)
+            return process(recording, config=config, tables=tables, record=record)
+        except BaseException as error:
+            record(RunFailed(stages.current, str(error) or type(error).__name__))
+            raise
+
+
+class _Stages:
+    """Keeps which stage a run is in, and how long each took."""
+
+    def __init__(self) -> None:
+        self.current = "recording"
+        self.seconds: dict[str, float] = {}
+
+    def __call__(self, event: object) -> None:
+        if isinstance(event, StageStarted):
+            self.current = event.name
+        elif isinstance(event, StageFinished):
+            self.seconds[event.name] = round(self.seconds.get(event.name, 0.0) + event.seconds, 4)
+
+
+def _method(method: Method) -> Callable[..., Processed]:
+    if method == "report":
+        from tablemap.evaluation.report_method import process as process_as_reported
+
+        return process_as_reported
+    from tablemap.pipeline import process
+
+    return process

@@ -1,0 +1,195 @@
+"""The demo, end to end, as a user runs it."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from tablemap.archive import load_run
+from tablemap.evaluation.metrics import Score, score
+from tablemap.evaluation.truth import Truth
+from tablemap.model import TableModel
+
+TABLEMAP = [sys.executable, "-c", "from tablemap.cli import main; main()"]
+
+
+def tablemap(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Run the command as a shell would."""
+    return subprocess.run(
+        [*TABLEMAP, *(str(argument) for argument in arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=cwd,
+        env={**os.environ, "COLUMNS": "100", "NO_COLOR": "1"},
+        timeout=300,
+    )
+
+
+@pytest.fixture(scope="module")
+def finished(
+    demo_recording: Path, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, subprocess.CompletedProcess[str]]:
+    """The demo processed once: its run folder and what the command said."""
+    output = tmp_path_factory.mktemp("runs")
+    done = tablemap("process", demo_recording, "--output", output, "--json")
+    assert done.returncode == 0, done.stderr
+    return Path(json.loads(done.stdout)["run"]), done
+
+
+@pytest.fixture(scope="module")
+def result(finished: tuple[Path, object], demo_recording: Path) -> Score:
+    """The demo's score."""
+    return score(TableModel.load(finished[0]), Truth.load(Truth.beside(demo_recording)))
+
+
+def test_the_demo_s_table_is_found_as_it_is(result: Score) -> None:
+    """Shape, dimensions within 15 mm, height within 8 mm, four legs within 20 mm."""
+    assert result.shape == "rectangle"
+    assert [round(1000 * abs(d.error)) for d in result.dimensions] == pytest.approx([0, 0], abs=15)
+    assert abs(result.height.error) < 0.008
+    assert (result.legs.found, result.legs.missed, result.legs.invented) == (4, 0, 0)
+    assert max(place.error for place in result.legs.places) < 0.020
+
+
+def test_the_demo_raises_no_doubt(result: Score, finished: tuple[Path, object]) -> None:
+    """A right model of a good recording is called good."""
+    assert result.doubts == ()
+    assert TableModel.load(finished[0]).verdict.level == "good"
+
+
+def test_stdout_is_one_json_line_and_stderr_is_for_people(
+    finished: tuple[Path, subprocess.CompletedProcess[str]], demo_recording: Path
+) -> None:
+    """Others script against the line."""
+    run, done = finished
+    assert done.stdout.count("\n") == 1
+    assert json.loads(done.stdout) == {
+        "recording": str(demo_recording),
+        "run": str(run),
+        "status": "ok",
+        "error": None,
+        "model": str(run / "table.json"),
+    }
+    assert f"tablemap view {run}" in done.stderr
+    for word in ("shape", "rectangle", "length", "height", "legs", "verdict"):
+        assert word in done.stderr
+
+
+def test_the_run_folder_keeps_the_contract(
+    finished: tuple[Path, object], demo_recording: Path
+) -> None:
+    """Files, manifest, and ``latest``."""
+    run = finished[0]
+    names = {path.name for path in run.iterdir()}
+    assert names == {"run.rrd", "table.json", "manifest.json", "config.toml", "trajectory.tum"}
+    manifest = json.loads((run / "manifest.json").read_text())
+    assert manifest["status"] == "ok"
+    assert len(manifest["recording"]["sha256"]) == 64
+    assert manifest["recording"]["size"] == demo_recording.stat().st_size
+    assert set(manifest["timings"]) >= {"snapshots", "registration", "surface", "legs"}
+    assert (run.parent / "latest").resolve() == run
+    assert load_run(run.parent).path == run.resolve()
+    assert (run / "run.rrd").stat().st_size < 10_000_000
+
+
+def test_the_trajectory_covers_the_drive(finished: tuple[Path, object]) -> None:
+    """One line a stamp, ascending, and the base is near the table throughout."""
+    rows = [
+        [float(value) for value in line.split()]
+        for line in (finished[0] / "trajectory.tum").read_text().splitlines()
+    ]
+    stamps = [row[0] for row in rows]
+    assert len(rows) > 50
+    assert stamps == sorted(stamps)
+    pose = TableModel.load(finished[0]).surface.pose
+    assert all(math.hypot(row[1] - pose.x, row[2] - pose.y) < 4.0 for row in rows)
+
+
+def test_the_written_config_repeats_the_run_byte_for_byte(
+    finished: tuple[Path, object], demo_recording: Path, tmp_path: Path
+) -> None:
+    """config.toml holds every setting, and the same input gives the same bytes."""
+    run = finished[0]
+    assert tomllib.loads((run / "config.toml").read_text())["seed"] == 0
+    again = tablemap(
+        "process", demo_recording, "-o", tmp_path, "--config", run / "config.toml", "--json"
+    )
+    model = Path(json.loads(again.stdout)["model"])
+    assert model.read_bytes() == (run / "table.json").read_bytes()
+
+
+def test_a_recording_that_was_cut_short_is_used_and_said_to_be(
+    demo_recording: Path, tmp_path: Path
+) -> None:
+    """Exit 3, status partial, a warning; the model of what was left stands."""
+    cut = tmp_path / "cut.mcap"
+    data = demo_recording.read_bytes()
+    cut.write_bytes(data[: int(0.8 * len(data))])
+    done = tablemap("process", cut, "-o", tmp_path / "runs", "--json")
+    line = json.loads(done.stdout)
+    assert (done.returncode, line["status"]) == (3, "partial"), done.stderr
+    model = TableModel.load(Path(line["model"]))
+    assert "recording.truncated" in {warning.code for warning in model.warnings}
+    assert model.surface.shape == "rectangle"
+
+
+def test_one_bad_recording_does_not_stop_the_next(demo_recording: Path, tmp_path: Path) -> None:
+    """One line each, and the exit code of the worst."""
+    text = tmp_path / "notes.mcap"
+    text.write_text("this is no recording\n")
+    done = tablemap("process", text, demo_recording, "-o", tmp_path / "runs", "--json", "--quiet")
+    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [line["status"] for line in lines] == ["failed", "ok"]
+    assert done.returncode == 1
+    failed = Path(lines[0]["run"])
+    assert {"manifest.json", "run.rrd"} <= {path.name for path in failed.iterdir()}
+    assert not (failed / "table.json").exists()
+
+
+def test_evaluate_scores_a_run(finished: tuple[Path, object], demo_recording: Path) -> None:
+    """Against the truth beside its recording, or the one that is given."""
+    for extra in ([], ["--truth", Truth.beside(demo_recording)]):
+        done = tablemap("evaluate", finished[0], *extra, "--json")
+        assert done.returncode == 0, done.stderr
+        overall = json.loads(done.stdout)["methods"]["tablemap"]["overall"]
+        assert overall["shape_accuracy"] == 1
+        assert overall["legs"]["found"] == 4
+
+
+def test_info_names_every_role(demo_recording: Path) -> None:
+    """For people and for scripts."""
+    done = tablemap("info", demo_recording)
+    assert done.returncode == 0
+    for word in (
+        "depth",
+        "laser",
+        "calibration",
+        "colour",
+        "/tf",
+        "base_range_sensor_link",
+        "ready",
+    ):
+        assert word in done.stdout
+    document = json.loads(tablemap("info", demo_recording, "--json").stdout)
+    assert document["processable"] is True
+    assert {topic["role"] for topic in document["topics"]} >= {"depth", "laser", "transforms"}
+
+
+def test_near_a_place_without_a_table_names_the_places_that_have_one(
+    demo_recording: Path, tmp_path: Path
+) -> None:
+    """One sentence, no traceback."""
+    done = tablemap("process", demo_recording, "-o", tmp_path, "--near", "40", "40", "--quiet")
+    assert done.returncode == 1
+    assert re.search(r"0\.\d", done.stderr)
+    assert "Traceback" not in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
