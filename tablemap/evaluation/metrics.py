@@ -1,0 +1,337 @@
+"""A model against the truth: every error of one run.
+
+Both are brought into one frame by the best SE(2) fit of the snapshots' poses, so that the
+localisation's free offset does not count. Raw errors carry their sign; lengths are in metres,
+angles in radians.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from scipy.optimize import linear_sum_assignment
+
+from tablemap.evaluation.truth import TrueSurface, Truth
+from tablemap.geometry import Floats, Pose2, wrap_angle
+from tablemap.model import Dimension, Point, TableModel, TableSurface
+
+MEASURED = "measured"
+LEG_REACH = 0.10
+"""A leg further than this from every true one is invented, metres."""
+ADMITTED_SIGMAS = 3.0
+"""An error within so many of its sigmas was admitted."""
+SILENT = 0.02
+"""An unwarned, unadmitted error above this is a silent failure, metres."""
+HARMLESS = 0.008
+"""A warning is a false alarm where every figure is within this, metres."""
+
+FAMILY = {
+    "rectangle": "quadrilateral",
+    "square": "quadrilateral",
+    "parallelogram": "quadrilateral",
+    "circle": "round",
+    "ellipse": "round",
+}
+
+
+@dataclass(frozen=True)
+class Error:
+    """One figure's error: estimate less truth, and the sigma that was stated for it.
+
+    ``size`` is the true value, ``excess`` what remains of |error| after what the injected sensor
+    errors and the truth's own tolerance explain; ``status`` is the figure's.
+    """
+
+    name: str
+    error: float
+    sigma: float | None
+    size: float
+    excess: float
+    status: str = MEASURED
+
+    @property
+    def covered(self) -> bool | None:
+        """Whether the stated 95 % interval holds the truth; None without a sigma."""
+        return None if self.sigma is None else abs(self.error) <= 1.96 * self.sigma
+
+    @property
+    def admitted(self) -> bool:
+        """Whether the stated sigma admits the error."""
+        return self.sigma is not None and abs(self.error) <= ADMITTED_SIGMAS * self.sigma
+
+
+@dataclass(frozen=True)
+class LegScore:
+    """Legs found, missed and invented; place errors relative to the table; size errors."""
+
+    found: int
+    missed: int
+    invented: int
+    places: tuple[Error, ...]
+    sizes: tuple[Error, ...]
+
+
+@dataclass(frozen=True)
+class Score:
+    """One run against its truth; what the truth leaves open is None or empty."""
+
+    shape: str
+    true_shape: str
+    dimensions: tuple[Error, ...]
+    angle: Error | None
+    height: Error | None
+    poses: tuple[Error, ...]
+    headings: tuple[float, ...]
+    outline: float | None
+    iou: float | None
+    legs: LegScore | None
+    doubts: tuple[str, ...]
+    weights: dict[str, float]
+
+    @property
+    def measured(self) -> tuple[Error, ...]:
+        """Every length that the model gives as measured."""
+        figures = [*self.dimensions, *([self.height] if self.height else [])]
+        if self.legs:
+            figures.extend(self.legs.places)
+        return tuple(figure for figure in figures if figure.status == MEASURED)
+
+    @property
+    def silent_failure(self) -> bool:
+        """A figure over 2 cm off, no warning that doubts figures, no sigma that admits it."""
+        bad = [f for f in (*self.measured, *self.poses) if abs(f.error) > SILENT and not f.admitted]
+        return bool(bad) and not self.doubts
+
+    @property
+    def false_alarm(self) -> bool:
+        """A warning that doubts figures although each is within 8 mm and the shape is right."""
+        right = self.shape == self.true_shape
+        return bool(self.doubts) and right and all(abs(f.error) <= HARMLESS for f in self.measured)
+
+
+def score(model: TableModel, truth: Truth) -> Score:
+    """Compare a model with the truth of its recording."""
+    truth_from_model, poses, headings = _align_snapshots(model, truth)
+    outline = iou = None
+    if truth.surface.outline and (truth_from_model or truth.snapshots is None):
+        place = truth_from_model or Pose2()
+        estimated = shapely.Polygon(place.apply(model.surface.outline)).buffer(0)
+        true = shapely.Polygon(truth.surface.outline).buffer(0)
+        outline = _outline_distance(estimated, true)
+        iou = float(estimated.intersection(true).area / estimated.union(true).area)
+    return Score(
+        shape=model.surface.shape,
+        true_shape=truth.surface.shape,
+        dimensions=_dimension_errors(model.surface, truth),
+        angle=_angle_error(model.surface, truth.surface),
+        height=_height_error(model, truth),
+        poses=poses,
+        headings=headings,
+        outline=outline,
+        iou=iou,
+        legs=_score_legs(model, truth, truth_from_model),
+        doubts=tuple(w.code for w in model.warnings if w.code.startswith("accuracy.")),
+        weights={
+            **{other.shape: other.score for other in model.surface.alternatives},
+            model.surface.shape: model.surface.score,
+        },
+    )
+
+
+def fit_rigid(source: Floats, target: Floats) -> Pose2:
+    """Return the SE(2) pose that best maps (n, 2) points onto their partners (Umeyama 1991)."""
+    from_mean, to_mean = source.mean(axis=0), target.mean(axis=0)
+    a, b = source - from_mean, target - to_mean
+    yaw = float(np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum()))
+    turned = Pose2(0.0, 0.0, yaw).apply(from_mean)
+    return Pose2(float(to_mean[0] - turned[0]), float(to_mean[1] - turned[1]), yaw)
+
+
+def _align_snapshots(
+    model: TableModel, truth: Truth
+) -> tuple[Pose2 | None, tuple[Error, ...], tuple[float, ...]]:
+    """Fit the used snapshots onto the true ones; return the fit and what is left, pose by pose."""
+    if not truth.snapshots:
+        return None, (), ()
+    stamps = np.array([s.stamp_ns for s in truth.snapshots], dtype=np.int64)
+    order = np.argsort(stamps)
+    estimated, true, sigmas = [], [], []
+    for snapshot in model.snapshots:
+        if not snapshot.used:
+            continue
+        i = order[np.argmin(np.abs(stamps[order] - snapshot.stamp_ns))]
+        if abs(int(stamps[i]) - snapshot.stamp_ns) > 50_000_000:
+            continue
+        pose = truth.snapshots[i].map_from_base
+        true.append(Pose2(pose.x, pose.y, pose.yaw))
+        at = snapshot.map_from_base
+        estimated.append(Pose2(at.x, at.y, at.yaw))
+        sigmas.append(snapshot.sigma.xy if snapshot.sigma else None)
+    if len(true) < 2:
+        return None, (), ()
+    fit = fit_rigid(
+        np.array([p.translation for p in estimated]), np.array([p.translation for p in true])
+    )
+    poses, headings = [], []
+    for i, (e, t) in enumerate(zip(estimated, true, strict=True)):
+        placed = fit @ e
+        distance = float(np.hypot(placed.x - t.x, placed.y - t.y))
+        # The stated sigma is per axis; the distance is of two.
+        sigma = None if sigmas[i] is None else sigmas[i] * np.sqrt(2)
+        poses.append(Error("pose", distance, sigma, 0.0, distance))
+        headings.append(abs(wrap_angle(placed.yaw - t.yaw)))
+    return fit, tuple(poses), tuple(headings)
+
+
+def _dimension_errors(surface: TableSurface, truth: Truth) -> tuple[Error, ...]:
+    """Compare like with like: same family by name, anything else by the extents of the outlines."""
+    true = truth.surface
+    pairs: list[tuple[str, float, float | None, str, float]] = []
+    same_family = FAMILY.get(surface.shape) == FAMILY.get(true.shape) is not None
+    if true.dimensions and same_family:
+        long_short = _long_short(true.dimensions)
+        figures = list(surface.dimensions.items())
+        lengths = [item for item in figures if item[0] not in ("angle", "corner_radius")]
+        if len(lengths) == 1:
+            figure = lengths[0][1]
+            names = (
+                [("size", long_short[0])]
+                if len(set(long_short)) == 1
+                else list(zip(("length", "width"), long_short, strict=True))
+            )
+            pairs = [(n, figure.value, figure.sigma, figure.status, value) for n, value in names]
+        else:
+            lengths.sort(key=lambda item: -item[1].value)
+            pairs = [
+                (name, figure.value, figure.sigma, figure.status, value)
+                for (name, figure), value in zip(lengths, long_short, strict=False)
+            ]
+    elif true.outline or true.dimensions:
+        expected = _extents(true.outline) if true.outline else _long_short(true.dimensions or {})
+        statuses = {edge.status for edge in surface.edges}
+        status = MEASURED if statuses <= {MEASURED} else "inferred"
+        for name, value, size in zip(
+            ("length", "width"), _extents(surface.outline), expected, strict=True
+        ):
+            pairs.append((name, value, None, status, size))
+    scale = _scale_error(truth)
+    tolerance = true.tolerance.dimensions
+    return tuple(
+        Error(
+            name,
+            value - size,
+            sigma,
+            size,
+            max(0.0, abs(value - size) - scale * size - tolerance),
+            status,
+        )
+        for name, value, sigma, status, size in pairs
+    )
+
+
+def _long_short(dimensions: dict[str, float]) -> tuple[float, float]:
+    values = sorted(
+        (v for name, v in dimensions.items() if name not in ("angle", "corner_radius")),
+        reverse=True,
+    )
+    return values[0], values[-1]
+
+
+def _extents(outline: Sequence[Point]) -> tuple[float, float]:
+    """Return length and width of the smallest rectangle round an outline."""
+    box = shapely.Polygon(outline).minimum_rotated_rectangle
+    corners = np.asarray(box.exterior.coords)
+    sides = np.hypot(*np.diff(corners[:3], axis=0).T)
+    return float(sides.max()), float(sides.min())
+
+
+def _angle_error(surface: TableSurface, true: TrueSurface) -> Error | None:
+    if FAMILY.get(true.shape) != "quadrilateral" or FAMILY.get(surface.shape) != "quadrilateral":
+        return None
+    expected = (true.dimensions or {}).get("angle", np.pi / 2)
+    figure = surface.dimensions.get("angle")
+    value, sigma = (figure.value, figure.sigma) if figure else (np.pi / 2, None)
+    error = float(value - expected)
+    return Error("angle", error, sigma, float(expected), abs(error))
+
+
+def _height_error(model: TableModel, truth: Truth) -> Error | None:
+    if truth.surface.height is None:
+        return None
+    figure, size = model.surface.height, truth.surface.height
+    error = figure.value - model.floor_z - size
+    explained = _scale_error(truth) * size + truth.surface.tolerance.height
+    if truth.sensor and truth.sensor.pitch and truth.snapshots and truth.surface.pose:
+        place = truth.surface.pose
+        ranges = [
+            np.hypot(s.map_from_base.x - place.x, s.map_from_base.y - place.y)
+            for s in truth.snapshots
+        ]
+        explained += float(np.mean(ranges)) * abs(truth.sensor.pitch)
+    return Error("height", error, figure.sigma, size, max(0.0, abs(error) - explained))
+
+
+def _scale_error(truth: Truth) -> float:
+    scale = truth.sensor.depth_scale if truth.sensor else None
+    return abs(scale - 1.0) if scale else 0.0
+
+
+def _outline_distance(estimated: shapely.Geometry, true: shapely.Geometry) -> float:
+    """Return the symmetric Hausdorff distance of two outlines, sampled every 5 mm."""
+    one_way = [
+        shapely.distance(
+            shapely.points(shapely.get_coordinates(shapely.segmentize(a.boundary, 0.005))),
+            b.boundary,
+        ).max()
+        for a, b in ((estimated, true), (true, estimated))
+    ]
+    return float(max(one_way))
+
+
+def _score_legs(model: TableModel, truth: Truth, truth_from_model: Pose2 | None) -> LegScore | None:
+    """Pair legs by the least total distance; places are compared relative to the top's centroid."""
+    if truth.legs is None or truth.surface.pose is None:
+        return None
+    true_pose = truth.surface.pose
+    if not truth.legs or not model.legs:
+        return LegScore(0, len(truth.legs), len(model.legs), (), ())
+    if truth_from_model is None:
+        own = model.surface.pose
+        truth_from_model = (
+            Pose2(true_pose.x, true_pose.y, true_pose.yaw) @ Pose2(own.x, own.y, own.yaw).inverse()
+        )
+    centroid = truth_from_model.apply([model.surface.pose.x, model.surface.pose.y])
+    estimated = truth_from_model.apply([[leg.x, leg.y] for leg in model.legs]) - centroid
+    true = np.array([[leg.x, leg.y] for leg in truth.legs]) - [true_pose.x, true_pose.y]
+    distances = np.hypot(*(estimated[:, None] - true[None]).transpose(2, 0, 1))
+    rows, columns = linear_sum_assignment(np.minimum(distances, LEG_REACH))
+    places, sizes = [], []
+    for i, j in zip(rows.tolist(), columns.tolist(), strict=True):
+        if distances[i, j] > LEG_REACH:
+            continue
+        leg, truth_leg = model.legs[i], truth.legs[j]
+        sigma = leg.position_sigma
+        distance = float(distances[i, j])
+        # 95 % of a two-dimensional normal lie within 2.448 sigma: scaled so that 1.96 is the bound.
+        planar = None if sigma is None else sigma * 2.448 / 1.96
+        places.append(Error("leg", distance, planar, 0.0, distance, leg.status))
+        sizes.append(_leg_size(leg.dimensions, truth_leg.dimensions, leg.status))
+    found = len(places)
+    return LegScore(
+        found,
+        len(truth.legs) - found,
+        len(model.legs) - found,
+        tuple(places),
+        tuple(sizes),
+    )
+
+
+def _leg_size(estimated: dict[str, Dimension], true: dict[str, float], status: str) -> Error:
+    """Compare the largest dimension of each."""
+    figure = max(estimated.values(), key=lambda f: f.value)
+    size = max(true.values())
+    error = float(figure.value - size)
+    return Error("leg size", error, figure.sigma, size, abs(error), status)

@@ -1,0 +1,292 @@
+"""Scores as tables and drawings: ``scores.md``, an SVG of all errors, and the report's tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from tablemap.evaluation.aggregate import RunScore
+
+Rows = list[list[str]]
+
+PUBLISHED: dict[str, dict[str, str]] = {
+    "rectangle_extended": {
+        "size": "0.843 x 1.22, 89",
+        "height": "0.779",
+        "scores": ".956 .400",
+        "truth": "0.800 x 1.20 x 0.755",
+    },
+    "rectangle_extended_cluttered": {
+        "size": "0.830 x 1.23, 91",
+        "height": "0.776",
+        "scores": ".990 .416",
+        "truth": "0.800 x 1.20 x 0.755",
+    },
+    "rectangle_default": {
+        "size": "0.734 x 1.20, 99",
+        "height": "0.755",
+        "scores": ".763 .371",
+        "truth": "0.800 x 1.20 x 0.755",
+    },
+    "rectangle_default_cluttered": {
+        "size": "0.771 x 1.12, 93",
+        "height": "0.758",
+        "scores": ".756 .308",
+        "truth": "0.800 x 1.20 x 0.755",
+    },
+    "circle": {
+        "size": "d 0.608",
+        "height": "0.619",
+        "scores": ".867 .900",
+        "truth": "d 0.500 x 0.620",
+    },
+    "circle_cluttered": {
+        "size": "d 0.581",
+        "height": "0.615",
+        "scores": ".891 1.0",
+        "truth": "d 0.500 x 0.620",
+    },
+    "square": {
+        "size": "0.606 x 0.607, 87",
+        "height": "0.472",
+        "scores": "1.0 .627",
+        "truth": "0.550 x 0.550 x 0.455",
+    },
+    "square_cluttered": {
+        "size": "0.591 x 0.628, 93",
+        "height": "0.473",
+        "scores": "1.0 .628",
+        "truth": "0.550 x 0.550 x 0.455",
+    },
+    "desk": {
+        "size": "parallelogram",
+        "height": "0.736",
+        "scores": ".868 .374",
+        "truth": "h 0.720, cut-out",
+    },
+    "desk_cluttered": {
+        "size": "parallelogram",
+        "height": "0.736",
+        "scores": ".805 .345",
+        "truth": "h 0.720, cut-out",
+    },
+}
+"""The report's published figures, by scenario (metres, degrees; parallelogram and circle score)."""
+
+
+def score_rows(figures: Mapping[str, Any]) -> Rows:
+    """Return a header and one row a scenario and method, ``overall`` last."""
+    header = [
+        "scenario",
+        "method",
+        "runs",
+        "failed",
+        "shape",
+        "dimension mm",
+        "beyond sensor",
+        "angle deg",
+        "height mm",
+        "pose mm",
+        "pose deg",
+        "outline mm",
+        "IoU",
+        "legs found/missed/invented",
+        "leg place mm",
+        "leg size mm",
+        "in 95 %",
+        "silent",
+        "false alarms",
+        "s",
+    ]
+    rows = [header]
+    methods = figures["methods"]
+    scenarios = dict.fromkeys(s for method in methods.values() for s in method["scenarios"])
+    for scenario in scenarios:
+        for method, group in methods.items():
+            if scenario in group["scenarios"]:
+                rows.append(_row(scenario, method, group["scenarios"][scenario]))
+    rows.extend(_row("**overall**", method, group["overall"]) for method, group in methods.items())
+    return rows
+
+
+def _row(scenario: str, method: str, f: Mapping[str, Any]) -> list[str]:
+    legs = f["legs"]
+    return [
+        scenario,
+        method,
+        str(f["runs"]),
+        str(f["failed"]),
+        _percent(f["shape_accuracy"]),
+        _spread(f["dimension_mm"]),
+        _spread(f["dimension_excess_mm"]),
+        _spread(f["angle_deg"], 2),
+        _spread(f["height_mm"]),
+        _spread(f["pose_mm"]),
+        _spread(f["pose_deg"], 3),
+        _spread(f["outline_mm"]),
+        "-" if f["iou"] is None else f"{f['iou']:.3f}",
+        f"{legs['found']}/{legs['missed']}/{legs['invented']}",
+        _spread(legs["place_mm"]),
+        _spread(legs["size_mm"]),
+        _percent(f["coverage_95"]),
+        str(f["silent_failures"]),
+        str(f["false_alarms"]),
+        "-" if f["seconds"]["total"] is None else f"{f['seconds']['total']:.1f}",
+    ]
+
+
+def _spread(figure: Mapping[str, float | None], decimals: int = 1) -> str:
+    if figure["median"] is None:
+        return "-"
+    return " / ".join(f"{figure[key]:.{decimals}f}" for key in ("median", "p95", "worst"))
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.0f} %"
+
+
+def markdown(rows: Rows) -> str:
+    """Return rows, the first being the header, as a Markdown table."""
+    lines = [f"| {' | '.join(row)} |" for row in rows]
+    lines.insert(1, "|" + "---|" * len(rows[0]))
+    return "\n".join(lines) + "\n"
+
+
+def scores_markdown(figures: Mapping[str, Any], runs: Sequence[RunScore]) -> str:
+    """Return ``scores.md``: the table, then every run that failed, was wrong or kept silent."""
+    seeds = figures["seeds"]
+    span = f"{min(seeds)} to {max(seeds)}" if seeds else "none"
+    parts = [
+        f"# Scores of `{figures['suite']}`, seeds {span}\n",
+        "Errors are median / 95th percentile / worst.\n",
+        markdown(score_rows(figures)),
+    ]
+    remarks = [
+        f"- {run.scenario} {run.seed} {run.method}: {text}"
+        for run in runs
+        if (text := _remark(run))
+    ]
+    if remarks:
+        parts.append("## Runs to look at\n")
+        parts.append("\n".join(remarks) + "\n")
+    return "\n".join(parts)
+
+
+def _remark(run: RunScore) -> str:
+    if run.score is None:
+        return f"failed: {run.error}"
+    words = []
+    if not run.right_shape:
+        words.append(f"a {run.score.true_shape} called {run.score.shape}")
+    if run.score.silent_failure:
+        bad = max((*run.score.measured, *run.score.poses), key=lambda e: abs(e.error))
+        words.append(f"silent failure: {bad.name} {1000 * bad.error:+.0f} mm")
+    if run.score.false_alarm:
+        words.append(f"false alarm: {', '.join(sorted(set(run.score.doubts)))}")
+    return "; ".join(words)
+
+
+def report_tables(runs: Sequence[RunScore]) -> dict[str, Rows]:
+    """Return the report's tables in its layout: published, its method here, tablemap here.
+
+    Figures of several seeds are medians of the estimate less the truth, added to the nominal truth.
+    """
+    layouts = {
+        "Table 1: length, width and angle (m, degrees)": "size",
+        "Table 2: height (m)": "height",
+        "Table 3: scores of parallelogram and circle": "scores",
+        "Table 4: shape": "shape",
+    }
+    tables = {}
+    for title, column in layouts.items():
+        rows = [["dataset", "truth", "report, published", "report's method here", "tablemap here"]]
+        for scenario, published in PUBLISHED.items():
+            cells = [
+                _report_cell(
+                    [r for r in runs if r.scenario == scenario and r.method == method], column
+                )
+                for method in ("report", "tablemap")
+            ]
+            stated = published.get(column) or _published_shape(published)
+            rows.append([scenario, published["truth"], stated, *cells])
+        tables[title] = rows
+    return tables
+
+
+def _published_shape(published: Mapping[str, str]) -> str:
+    if published["size"].startswith("d "):
+        return "circle"
+    return "parallelogram"
+
+
+def _report_cell(runs: Sequence[RunScore], column: str) -> str:
+    scores = [run.score for run in runs if run.score]
+    if not scores:
+        return "-"
+    if column == "shape":
+        return ", ".join(sorted({score.shape for score in scores}))
+    if column == "height":
+        heights = [s.height for s in scores if s.height]
+        return f"{np.median([h.size + h.error for h in heights]):.3f}" if heights else "-"
+    if column == "scores":
+        families = (("parallelogram", "rectangle", "square"), ("circle", "ellipse"))
+        medians = [
+            float(np.median([max(s.weights.get(name, 0.0) for name in names) for s in scores]))
+            for names in families
+        ]
+        return " ".join(f"{value:.3f}".lstrip("0") or "0" for value in medians)
+    sizes: dict[str, list[float]] = {}
+    for s in scores:
+        for error in s.dimensions:
+            sizes.setdefault(error.name, []).append(error.size + error.error)
+    values = [float(np.median(v)) for v in sizes.values()]
+    text = " x ".join(f"{value:.3f}" for value in sorted(values))
+    angles = [np.degrees(s.angle.size + s.angle.error) for s in scores if s.angle]
+    return f"{text}, {np.median(angles):.1f}" if angles else text
+
+
+def error_svg(runs: Sequence[RunScore]) -> str:
+    """Return a strip plot: each run's largest measured dimension error, by scenario and method."""
+    scenarios = list(dict.fromkeys(run.scenario for run in runs))
+    methods = list(dict.fromkeys(run.method for run in runs))
+    colours = dict(zip(methods, ("#1f6feb", "#d1661a"), strict=False))
+    left, row, width = 210, 22, 760
+    ticks = [0.1, 1, 10, 100, 1000]
+
+    def across(error: float) -> float:
+        return float(left + (np.log10(np.clip(error, 0.1, 1000)) + 1) / 4 * (width - left - 20))
+
+    height = row * len(scenarios) + 60
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" '
+        'font-family="sans-serif" font-size="12">',
+        f'<rect width="{width}" height="{height}" fill="white"/>',
+    ]
+    parts.extend(
+        f'<line x1="{across(tick):.1f}" y1="30" x2="{across(tick):.1f}" y2="{height - 25}" '
+        f'stroke="#ddd"/><text x="{across(tick):.1f}" y="{height - 8}" '
+        f'text-anchor="middle">{tick:g} mm</text>'
+        for tick in ticks
+    )
+    parts.extend(
+        f'<circle cx="{left + 150 * number}" cy="14" r="4" fill="{colours[method]}"/>'
+        f'<text x="{left + 10 + 150 * number}" y="18">{escape(method)}</text>'
+        for number, method in enumerate(methods)
+    )
+    for number, scenario in enumerate(scenarios):
+        y = 40 + row * number
+        parts.append(
+            f'<text x="{left - 12}" y="{y + 4}" text-anchor="end">{escape(scenario)}</text>'
+        )
+        for run in runs:
+            if run.scenario == scenario and run.score and run.score.dimensions:
+                worst = 1000 * max(abs(error.error) for error in run.score.dimensions)
+                offset = 4 * methods.index(run.method) - 2
+                parts.append(
+                    f'<circle cx="{across(worst):.1f}" cy="{y + offset}" r="3.5" '
+                    f'fill="{colours[run.method]}" fill-opacity="0.6"/>'
+                )
+    return "\n".join([*parts, "</svg>\n"])

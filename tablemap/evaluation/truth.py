@@ -1,0 +1,99 @@
+"""What is known of a recording: ``*.truth.json``. What is not known is null."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from tablemap.errors import TablemapError
+from tablemap.model import PlanarPose, Point, Shape
+
+SCHEMA = "tablemap/truth/1"
+
+
+class Part(BaseModel):
+    """A part of the truth: frozen; fields that a reader does not know are ignored."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+
+class Tolerance(Part):
+    """How well the truth itself is known, in metres."""
+
+    dimensions: float = 0.0
+    height: float = 0.0
+
+
+class TrueSurface(Part):
+    """The top. ``dimensions`` are named as in table.json; ``angle`` in radians."""
+
+    shape: Shape
+    pose: PlanarPose | None = None
+    height: float | None = None
+    dimensions: dict[str, float] | None = None
+    corner_radius: float | None = None
+    thickness: float | None = None
+    outline: tuple[Point, ...] | None = None
+    tolerance: Tolerance = Tolerance()
+
+
+class TrueLeg(Part):
+    """A leg at the laser's height."""
+
+    shape: Literal["circle", "rectangle"]
+    x: float
+    y: float
+    yaw: float = 0.0
+    dimensions: dict[str, float]
+
+
+class TrueSnapshot(Part):
+    """Where the base was."""
+
+    stamp_ns: int
+    map_from_base: PlanarPose
+
+
+class Sensor(Part):
+    """The sensors' injected errors: a factor on every depth, radians, a factor on every range."""
+
+    depth_scale: float | None = None
+    pitch: float | None = None
+    laser_range_scale: float | None = None
+
+
+class Truth(Part):
+    """Everything that is known of a recording, in its map frame."""
+
+    frame: str = "map"
+    surface: TrueSurface
+    legs: tuple[TrueLeg, ...] | None = None
+    snapshots: tuple[TrueSnapshot, ...] | None = None
+    sensor: Sensor | None = None
+
+    @staticmethod
+    def load(path: Path) -> Truth:
+        """Read a truth file. Raises `TablemapError` where it is none."""
+        try:
+            document = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+            raise TablemapError(f"the truth cannot be read ({error}): {path}") from error
+        schema = document.get("schema") if isinstance(document, dict) else None
+        if schema != SCHEMA:
+            raise TablemapError(f"expected schema {SCHEMA!r}, found {schema!r}: {path}")
+        try:
+            return Truth.model_validate(document)
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = ".".join(str(part) for part in first["loc"])
+            raise TablemapError(
+                f"the truth is damaged at {where}: {first['msg']}: {path}"
+            ) from error
+
+    @staticmethod
+    def beside(recording: Path) -> Path:
+        """Return where a recording's truth file is: ``NAME.truth.json`` beside ``NAME.mcap``."""
+        return recording.with_name(f"{recording.stem}.truth.json")

@@ -1,0 +1,281 @@
+"""The ruler measures what is known beforehand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from tablemap import model as m
+from tablemap.evaluation.aggregate import RunScore, summarise
+from tablemap.evaluation.metrics import Score, score
+from tablemap.evaluation.truth import Truth
+from tablemap.geometry import Pose2
+from tests.factory import rectangle_model
+
+
+def truth_of(model: m.TableModel, **sensor: float) -> Truth:
+    """Return the truth that a model is exactly right about."""
+    surface = model.surface
+    return Truth.model_validate(
+        {
+            "surface": {
+                "shape": surface.shape,
+                "pose": surface.pose.model_dump(),
+                "height": surface.height.value,
+                "dimensions": {name: d.value for name, d in surface.dimensions.items()},
+                "outline": surface.outline,
+            },
+            "legs": [
+                {
+                    "shape": leg.shape,
+                    "x": leg.x,
+                    "y": leg.y,
+                    "dimensions": {name: d.value for name, d in leg.dimensions.items()},
+                }
+                for leg in model.legs
+            ],
+            "snapshots": [
+                s.model_dump(include={"stamp_ns", "map_from_base"}) for s in model.snapshots
+            ],
+            "sensor": sensor or None,
+        }
+    )
+
+
+def moved(model: m.TableModel, motion: Pose2) -> m.TableModel:
+    """Move everything that a model says by one motion of the map."""
+    pose = motion @ Pose2(model.surface.pose.x, model.surface.pose.y, model.surface.pose.yaw)
+    place = model.surface.pose.model_copy(update={"x": pose.x, "y": pose.y, "yaw": pose.yaw})
+    outline = tuple((float(x), float(y)) for x, y in motion.apply(model.surface.outline))
+    legs = []
+    for leg in model.legs:
+        x, y = motion.apply([leg.x, leg.y])
+        legs.append(leg.model_copy(update={"x": float(x), "y": float(y)}))
+    snapshots = []
+    for snapshot in model.snapshots:
+        at = snapshot.map_from_base
+        p = motion @ Pose2(at.x, at.y, at.yaw)
+        there = m.PlanarPose(x=p.x, y=p.y, yaw=p.yaw)
+        snapshots.append(snapshot.model_copy(update={"map_from_base": there}))
+    surface = model.surface.model_copy(update={"pose": place, "outline": outline})
+    return model.model_copy(
+        update={"surface": surface, "legs": tuple(legs), "snapshots": tuple(snapshots)}
+    )
+
+
+def with_surface(model: m.TableModel, **changes: object) -> m.TableModel:
+    """Return a model with another surface."""
+    return model.model_copy(update={"surface": model.surface.model_copy(update=changes)})
+
+
+def run_of(result: Score, method: str = "tablemap") -> RunScore:
+    """Return a finished run with a score."""
+    return RunScore("made", 0, method, result, None, {"surface": 1.0})
+
+
+def test_a_model_that_is_the_truth_has_no_error() -> None:
+    """Every figure is nought, and nothing is silent or alarming."""
+    model = rectangle_model()
+    result = score(model, truth_of(model))
+    lengths = [*result.dimensions, result.height, *result.poses, *result.legs.places]
+    assert max(abs(figure.error) for figure in lengths) < 5e-6
+    assert result.outline == pytest.approx(0, abs=5e-6)
+    assert result.iou == pytest.approx(1, abs=1e-5)
+    assert not result.silent_failure
+    assert not result.false_alarm
+
+
+def test_the_localisation_s_free_offset_does_not_count() -> None:
+    """The whole model elsewhere in the map is as right as before."""
+    model = rectangle_model()
+    result = score(moved(model, Pose2(3.0, -2.0, 0.7)), truth_of(model))
+    assert max(pose.error for pose in result.poses) < 5e-6
+    assert max(result.headings) < 5e-6
+    assert result.outline == pytest.approx(0, abs=5e-6)
+    assert max(place.error for place in result.legs.places) < 5e-6
+
+
+def test_a_top_shifted_by_3_mm_is_3_mm_off() -> None:
+    """The outline moves against the snapshots; the dimensions stay."""
+    model = rectangle_model(yaw=0.0)
+    outline = tuple((x + 0.003, y) for x, y in model.surface.outline)
+    result = score(with_surface(model, outline=outline), truth_of(model))
+    assert result.outline == pytest.approx(0.003, abs=1e-6)
+    assert result.dimensions[0].error == pytest.approx(0, abs=5e-6)
+
+
+def test_one_snapshot_3_mm_off_shows_as_such() -> None:
+    """Less what the best fit of all six takes up."""
+    model = rectangle_model()
+    snapshots = list(model.snapshots)
+    at = snapshots[2].map_from_base
+    shifted = m.PlanarPose(x=at.x + 0.003, y=at.y, yaw=at.yaw)
+    snapshots[2] = snapshots[2].model_copy(update={"map_from_base": shifted})
+    result = score(model.model_copy(update={"snapshots": tuple(snapshots)}), truth_of(model))
+    assert 0.0015 < max(pose.error for pose in result.poses) < 0.003
+
+
+def test_dimensions_are_signed_and_the_sensor_s_share_is_taken_off_the_excess() -> None:
+    """A scale error of 2 permil explains 2.4 mm of 1.2 m, and no more."""
+    model = rectangle_model(length=1.205, width=0.800)
+    truth = truth_of(rectangle_model(length=1.2, width=0.8), depth_scale=1.002)
+    length, width = score(model, truth).dimensions
+    assert length.error == pytest.approx(0.005)
+    assert length.excess == pytest.approx(0.005 - 0.002 * 1.2)
+    assert width.excess == 0
+
+
+def test_a_swapped_shape_is_counted_and_compared_by_its_extents() -> None:
+    """An ellipse for a rectangle has no dimensions in common with it."""
+    model = rectangle_model()
+    swapped = with_surface(
+        model,
+        shape="ellipse",
+        dimensions={
+            "major": m.Dimension(value=1.3, sigma=0.01, status="measured"),
+            "minor": m.Dimension(value=0.9, sigma=0.01, status="measured"),
+        },
+    )
+    result = score(swapped, truth_of(model))
+    figures = summarise([run_of(result)])
+    assert figures["shape_accuracy"] == 0
+    assert figures["shapes"] == {"rectangle": {"ellipse": 1}}
+    assert result.dimensions[0].error == pytest.approx(0, abs=1e-6)
+
+
+def test_a_mirrored_parallelogram_is_not_right() -> None:
+    """Its sides agree, its angle is the supplement."""
+    figures = {
+        "length": m.Dimension(value=1.2, sigma=0.001, status="measured"),
+        "width": m.Dimension(value=0.8, sigma=0.001, status="measured"),
+        "angle": m.Dimension(value=np.radians(80), sigma=0.001, status="measured"),
+    }
+    model = with_surface(rectangle_model(), shape="parallelogram", dimensions=figures)
+    mirrored = {**figures, "angle": figures["angle"].model_copy(update={"value": np.radians(100)})}
+    result = score(with_surface(model, dimensions=mirrored), truth_of(model))
+    assert np.degrees(result.angle.error) == pytest.approx(20)
+    assert result.dimensions[0].error == pytest.approx(0)
+
+
+def test_a_rectangle_s_angle_is_right_by_its_name() -> None:
+    """And a parallelogram's that should have been one is measured against a right angle."""
+    model = rectangle_model()
+    assert score(model, truth_of(model)).angle.error == 0
+    figures = {
+        **model.surface.dimensions,
+        "angle": m.Dimension(value=np.radians(91), sigma=None, status="measured"),
+    }
+    sheared = with_surface(model, shape="parallelogram", dimensions=figures)
+    assert np.degrees(score(sheared, truth_of(model)).angle.error) == pytest.approx(1)
+
+
+def test_legs_are_found_missed_and_invented() -> None:
+    """Three found of four, and one that stands nowhere near any."""
+    truth = truth_of(rectangle_model())
+    model = rectangle_model(legs=3)
+    stray = model.legs[0].model_copy(update={"x": model.surface.pose.x, "y": model.surface.pose.y})
+    result = score(model.model_copy(update={"legs": (*model.legs, stray)}), truth)
+    assert (result.legs.found, result.legs.missed, result.legs.invented) == (3, 1, 1)
+    assert max(place.error for place in result.legs.places) < 5e-6
+
+
+def test_coverage_is_that_of_the_sigmas() -> None:
+    """Right sigmas cover 95 %; sigmas half too small cover 67 %."""
+    rng = np.random.default_rng(5)
+    truth = truth_of(rectangle_model(legs=0, length=2.0, width=0.5))
+
+    def coverage(stated: float) -> float:
+        runs = []
+        for _ in range(400):
+            length, width, height = rng.normal([2.0, 0.5, 0.743], 0.004)
+            model = rectangle_model(legs=0, length=length, width=width, height=height, sigma=stated)
+            runs.append(run_of(score(model, truth)))
+        by = summarise(runs)["coverage_95_by"]
+        return float(np.mean([by["dimensions"], by["heights"]]))
+
+    assert coverage(0.004) == pytest.approx(0.95, abs=0.02)
+    assert coverage(0.002) == pytest.approx(0.673, abs=0.04)
+
+
+def test_silence_is_a_failure_only_when_nothing_admits_the_error() -> None:
+    """A warning or a sigma that fits the error breaks it."""
+    truth = truth_of(rectangle_model())
+    wrong = rectangle_model(length=1.187 + 0.03)
+    assert score(wrong, truth).silent_failure
+    assert not score(rectangle_model(length=1.187 + 0.03, sigma=0.02), truth).silent_failure
+    doubt = m.WarningEntry(code="accuracy.few_views", stage="surface", message="", stamp_ns=None)
+    assert not score(wrong.model_copy(update={"warnings": (doubt,)}), truth).silent_failure
+
+
+def test_a_warning_about_a_right_model_is_a_false_alarm() -> None:
+    """Unless a figure is more than 8 mm off."""
+    truth = truth_of(rectangle_model())
+    doubt = m.WarningEntry(code="accuracy.few_views", stage="surface", message="", stamp_ns=None)
+    good = rectangle_model().model_copy(update={"warnings": (doubt,)})
+    assert score(good, truth).false_alarm
+    off = rectangle_model(length=1.187 + 0.009).model_copy(update={"warnings": (doubt,)})
+    assert not score(off, truth).false_alarm
+
+
+def test_what_is_not_measured_is_counted_apart() -> None:
+    """A bound is no error."""
+    model = rectangle_model()
+    bound = m.Dimension(value=2.0, sigma=None, status="unseen")
+    dimensions = {**model.surface.dimensions, "length": bound}
+    result = score(with_surface(model, dimensions=dimensions), truth_of(model))
+    figures = summarise([run_of(result)])
+    assert figures["unmeasured"] == 1
+    assert figures["dimension_mm"]["worst"] == pytest.approx(0, abs=1e-6)
+    assert not result.silent_failure
+
+
+def test_percentiles_are_of_absolute_values_and_failed_runs_are_counted() -> None:
+    """Errors of -1 to -100 mm have a median of 50.5."""
+    truth = truth_of(rectangle_model(legs=0))
+    runs = [
+        run_of(score(rectangle_model(legs=0, height=0.743 - i / 1000), truth))
+        for i in range(1, 101)
+    ]
+    runs.append(RunScore("made", 1, "tablemap", None, "no table", {}))
+    figures = summarise(runs)
+    assert figures["height_mm"]["median"] == pytest.approx(50.5)
+    assert figures["height_mm"]["worst"] == pytest.approx(100)
+    assert (figures["runs"], figures["failed"]) == (101, 1)
+
+
+def test_an_unknown_truth_leaves_the_figure_open() -> None:
+    """What is null is not scored."""
+    model = rectangle_model()
+    truth = truth_of(model)
+    surface = truth.surface.model_copy(update={"pose": None, "outline": None, "height": None})
+    part = truth.model_copy(update={"surface": surface, "legs": None, "snapshots": None})
+    result = score(model, part)
+    assert (result.height, result.outline, result.iou, result.legs, result.poses) == (
+        None,
+        None,
+        None,
+        None,
+        (),
+    )
+
+
+def test_the_report_s_one_word_for_quadrilaterals_counts_as_right() -> None:
+    """For its own method alone."""
+    model = rectangle_model()
+    result = replace(score(model, truth_of(model)), shape="parallelogram")
+    assert run_of(result, "report").right_shape
+    assert not run_of(result).right_shape
+
+
+def test_outline_distance_grows_with_the_shift() -> None:
+    """A ruler without dead bands."""
+    model = rectangle_model()
+    truth = truth_of(model)
+    distances = []
+    for shift in (0.001, 0.002, 0.004):
+        outline = tuple((x + shift, y) for x, y in model.surface.outline)
+        distances.append(score(with_surface(model, outline=outline), truth).outline)
+    assert all(b > 1.5 * a for a, b in pairwise(distances))
