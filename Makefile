@@ -20,9 +20,10 @@ $(VENV)/.ready: pyproject.toml .ci/system
 
 demo: setup
 	@$(BIN)/tablemap process recordings/demo.mcap --output runs
+	@echo "the command is $(BIN)/tablemap"
 
 test: setup
-	@$(BIN)/python -m pytest -q -n 2 --dist loadfile -m "not slow"
+	@$(BIN)/python -m pytest -q -n 2 --dist loadfile -m "not slow" --ignore tests/benchmarks
 
 test-slow: setup
 	@$(BIN)/python -m pytest -q -n 2 --dist loadfile -m slow

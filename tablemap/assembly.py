@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from tablemap import model as m
@@ -29,8 +31,12 @@ def assemble(
     legs: Legs,
 ) -> m.TableModel:
     """Make the `TableModel` of all stages' results, their warnings in the order of the stages."""
+    snapshots = tuple(
+        [_snapshot(snapshot, segmentation, registration, surface) for snapshot in taken.snapshots]
+    )
     warnings = [
         *recording.warnings,
+        *_set_aside(taken, snapshots, registration, legs),
         *calibration.warnings,
         *segmentation.warnings,
         *odometry.warnings,
@@ -44,12 +50,7 @@ def assemble(
         floor_z=0.0,
         surface=_surface(surface),
         legs=tuple(_leg(leg) for leg in legs.legs),
-        snapshots=tuple(
-            [
-                _snapshot(snapshot, segmentation, registration, surface)
-                for snapshot in taken.snapshots
-            ]
-        ),
+        snapshots=snapshots,
         calibration=m.CalibrationEntry(
             roll=calibration.roll,
             pitch=calibration.pitch,
@@ -64,14 +65,38 @@ def assemble(
     )
 
 
+def _set_aside(
+    taken: Snapshots,
+    snapshots: tuple[m.SnapshotPose, ...],
+    registration: Registration,
+    legs: Legs,
+) -> Iterator[ProcessWarning]:
+    """Say how much of each kind was not used, and why; the review shows each one."""
+    images = [(each.reason, each.stamp_ns) for each in taken.set_aside]
+    views = [(view.reason, view.stamp_ns) for view in snapshots if view.reason is not None]
+    pairs = [(pair.reason or "", None) for pair in registration.pairs if not pair.used]
+    things = [(each.reason, None) for each in legs.rejected]
+    for code, noun, entries in (
+        ("snapshots.set_aside", "image", images),
+        ("snapshots.unused", "view", views),
+        ("registration.pair_dropped", "pair", pairs),
+        ("legs.set_aside", "thing", things),
+    ):
+        if entries:
+            count = f"{len(entries)} {noun}s were" if len(entries) > 1 else f"1 {noun} was"
+            reasons = list(dict.fromkeys(reason for reason, _ in entries))
+            more = f"; and {len(reasons) - 3} more reasons" if len(reasons) > 3 else ""
+            message = f"{count} not used: {'; '.join(reasons[:3])}{more}"
+            yield ProcessWarning(code, code.partition(".")[0], message, entries[0][1])
+
+
 def judge(
     warnings: list[ProcessWarning], *, surface: Surface, registration: Registration
 ) -> m.Verdict:
     """Say whether the model can be trusted: every doubt about a figure lowers the level.
 
-    ``failed`` where no shape stands behind the outline and it was not even registered, or where
-    fewer than two views hold it together and no side was measured; ``doubtful`` where any warning
-    doubts the figures.
+    ``failed`` where no side of the top was measured or no view was registered; ``doubtful`` where
+    any warning doubts the figures.
     """
     doubts = [w.message for w in warnings if w.code.startswith("accuracy.")]
     nothing_measured = not any(edge.status == "measured" for edge in surface.edges)
