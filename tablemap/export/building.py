@@ -1,0 +1,143 @@
+"""From a model's figures to solid parts, and what must be said of them.
+
+Nothing but the model is used: what it does not know is configured, and warned of.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+
+from tablemap.config import ExportConfig
+from tablemap.errors import ProcessWarning, TablemapError
+from tablemap.export.rings import ellipse_ring, rectangle_ring
+from tablemap.export.solid import Box, Cylinder, Part, Prism, Solid
+from tablemap.geometry import Floats, Pose2
+from tablemap.model import TableLeg, TableModel, TableSurface
+
+
+def build(
+    model: TableModel, config: ExportConfig, *, name: str
+) -> tuple[Solid, tuple[ProcessWarning, ...]]:
+    """Make the parts of a model, with what the reader of an export must know of them.
+
+    Raises `TablemapError` where the model has no height or its outline encloses nothing.
+    """
+    surface = model.surface
+    height = surface.height.value
+    if height <= 0:
+        raise TablemapError(
+            f"expected a top above the floor, found its height {height:.3f} m; nothing is exported."
+        )
+    warnings = []
+    if surface.thickness is None:
+        thickness = min(config.thickness, height / 2)
+        warnings.append(
+            _warning(
+                "export.assumed_thickness",
+                f"the top's thickness is not known; {thickness * 1e3:.0f} mm is assumed "
+                "(export.thickness).",
+            )
+        )
+    else:
+        thickness = min(surface.thickness.value, height)
+        if thickness <= 0:
+            raise TablemapError(
+                f"expected a top of some thickness, found {thickness:.4f} m; nothing is exported."
+            )
+    pose = Pose2(surface.pose.x, surface.pose.y, surface.pose.yaw)
+    shape, repaired = _top_shape(surface, pose, thickness)
+    if repaired:
+        warnings.append(
+            _warning(
+                "export.outline_repaired", "the outline crosses itself; its largest part is used."
+            )
+        )
+    warnings += _doubts(model)
+    solid = Solid(
+        name=name,
+        model=model,
+        map_from_table=pose,
+        height=height,
+        thickness=thickness,
+        top=Part("top", shape, Pose2(), height - thickness / 2),
+        legs=_legs(model.legs, pose, height - thickness),
+    )
+    return solid, tuple(warnings)
+
+
+def _top_shape(
+    surface: TableSurface, pose: Pose2, thickness: float
+) -> tuple[Box | Cylinder | Prism, bool]:
+    """Return the top's primitive, or its outline as a prism, and whether that was repaired."""
+    sizes = {name: dimension.value for name, dimension in surface.dimensions.items()}
+    radius = surface.corner_radius.value if surface.corner_radius else 0.0
+    match surface.shape, sizes:
+        case "circle", {"diameter": diameter}:
+            return Cylinder(diameter / 2, thickness), False
+        case "ellipse", {"major": major, "minor": minor}:
+            return Prism(ellipse_ring(major, minor), thickness), False
+        case ("rectangle", {"length": length, "width": width}) | (
+            "square",
+            {"side": length as width},
+        ):
+            if radius <= 0:
+                return Box(length, width, thickness), False
+            return Prism(rectangle_ring(length, width, radius), thickness), False
+    ring, repaired = _simple_ring(np.array(surface.outline, dtype=np.float64).reshape(-1, 2))
+    return Prism(pose.inverse().apply(ring), thickness), repaired
+
+
+def _simple_ring(points: Floats) -> tuple[Floats, bool]:
+    """Return an outline (N, 2) counter-clockwise without repeated points, and if it was mended."""
+    polygon = shapely.Polygon(points) if len(points) > 2 else shapely.Polygon()
+    valid = bool(polygon.is_valid)
+    if not valid:
+        pieces = shapely.get_parts(shapely.make_valid(polygon)).tolist()
+        polygon = max(pieces, key=shapely.area)
+    if polygon.area < 1e-6:
+        raise TablemapError(
+            f"expected an outline that encloses the top, found {len(points)} points that enclose "
+            "nothing; nothing is exported."
+        )
+    polygon = shapely.orient_polygons(shapely.remove_repeated_points(polygon, 1e-6))
+    return np.array(polygon.exterior.coords, dtype=np.float64)[:-1], not valid
+
+
+def _legs(legs: tuple[TableLeg, ...], pose: Pose2, height: float) -> tuple[Part, ...]:
+    """Return the legs, from the floor to the top's underside at ``height``."""
+    if height < 1e-4:
+        return ()
+    parts = []
+    for number, leg in enumerate(legs, start=1):
+        shape: Box | Cylinder
+        if leg.shape == "circle":
+            shape = Cylinder(leg.dimensions["diameter"].value / 2, height)
+        else:
+            length, width = leg.dimensions["length"].value, leg.dimensions["width"].value
+            shape = Box(length, width, height)
+        place = pose.inverse() @ Pose2(leg.x, leg.y, leg.yaw)
+        if isinstance(shape, Cylinder):
+            place = Pose2(place.x, place.y)
+        parts.append(Part(f"leg_{number}", shape, place, height / 2))
+    return tuple(parts)
+
+
+def _doubts(model: TableModel) -> list[ProcessWarning]:
+    """Return what makes the figures less than measured."""
+    warnings = []
+    unseen = [name for name, size in model.surface.dimensions.items() if size.status == "unseen"]
+    if unseen:
+        warnings.append(
+            _warning("export.bound", f"not seen, so exported at its bound: {', '.join(unseen)}.")
+        )
+    if model.verdict.level != "good":
+        reasons = "; ".join(model.verdict.reasons) or "no reason was recorded"
+        warnings.append(
+            _warning("export.verdict", f"the model's verdict is {model.verdict.level}: {reasons}")
+        )
+    return warnings
+
+
+def _warning(code: str, message: str) -> ProcessWarning:
+    return ProcessWarning(code, "export", message)

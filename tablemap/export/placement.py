@@ -1,0 +1,38 @@
+"""The world file of formats that have none: where the object stands in the map."""
+
+from __future__ import annotations
+
+import json
+from typing import Literal
+
+import numpy as np
+
+from tablemap.export.solid import Solid
+from tablemap.geometry import Floats
+
+Z_UP_FROM_Y_UP: Floats = np.array(
+    [[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]], dtype=np.float64
+)
+"""glTF's axes (y up) to REP 103's (z up)."""
+
+
+def placement(solid: Solid, *, file: str, up: Literal["y", "z"] = "z") -> bytes:
+    """Return JSON with the pose of the table's frame, and the matrix for the file's coordinates.
+
+    ``map_from_object`` (4, 4) maps a point as ``file`` holds it into the map, its up axis included.
+    """
+    matrix = solid.map_from_table.lifted()
+    matrix[2, 3] = solid.model.floor_z
+    if up == "y":
+        matrix = matrix @ Z_UP_FROM_Y_UP
+    pose = solid.map_from_table
+    document = {
+        "schema": "tablemap/placement/1",
+        "frame": solid.model.frame,
+        "object": file,
+        "units": "metres",
+        "up": up,
+        "pose": {"x": pose.x, "y": pose.y, "z": solid.model.floor_z, "yaw": round(pose.yaw, 9)},
+        "map_from_object": (np.round(matrix, 9) + 0.0).tolist(),
+    }
+    return (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode()

@@ -1,0 +1,19 @@
+"""Binary PLY: metres, z up, all parts as one mesh."""
+
+from __future__ import annotations
+
+from tablemap.config import ExportConfig
+from tablemap.export.meshes import part_mesh
+from tablemap.export.placement import placement
+from tablemap.export.solid import Solid
+
+
+def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
+    """Return NAME.ply and where it stands."""
+    from trimesh.exchange.ply import export_ply
+    from trimesh.util import concatenate
+
+    name = f"{solid.name}.ply"
+    whole = concatenate([part_mesh(part) for part in solid.parts])
+    content: bytes = export_ply(whole, vertex_normal=False)
+    return {name: content, f"{solid.name}.world.json": placement(solid, file=name)}

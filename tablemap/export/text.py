@@ -1,0 +1,40 @@
+"""Numbers and XML as the formats write them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from xml.etree import ElementTree
+
+DECIMALS = 6
+ANGLE_DECIMALS = 9
+
+
+def number(value: float, decimals: int = DECIMALS) -> str:
+    """Return a figure without needless zeros: metres to the micrometre."""
+    return f"{round(float(value), decimals) + 0.0:.{decimals}f}".rstrip("0").rstrip(".")
+
+
+def numbers(values: Iterable[float]) -> str:
+    """Return metres with a space between."""
+    return " ".join(number(value) for value in values)
+
+
+def pose_text(x: float, y: float, z: float, yaw: float) -> str:
+    """Return x y z roll pitch yaw, metres and radians."""
+    return f"{numbers((x, y, z))} 0 0 {number(yaw, ANGLE_DECIMALS)}"
+
+
+def child(
+    parent: ElementTree.Element, tag: str, text: str = "", **attributes: str
+) -> ElementTree.Element:
+    """Add an element and return it."""
+    element = ElementTree.SubElement(parent, tag, attributes)
+    element.text = text or None
+    return element
+
+
+def xml_bytes(root: ElementTree.Element) -> bytes:
+    """Return an indented document."""
+    ElementTree.indent(root)
+    text = ElementTree.tostring(root, encoding="unicode")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
