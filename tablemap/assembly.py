@@ -8,6 +8,7 @@ import numpy as np
 
 from tablemap import model as m
 from tablemap.calibration import Calibration
+from tablemap.crosscheck import CrossCheck
 from tablemap.errors import ProcessWarning
 from tablemap.legs import Leg, Legs
 from tablemap.odometry import Odometry
@@ -28,11 +29,15 @@ def assemble(
     registration: Registration,
     outline: Outline,
     surface: Surface,
+    cross: CrossCheck,
     legs: Legs,
 ) -> m.TableModel:
     """Make the `TableModel` of all stages' results, their warnings in the order of the stages."""
     snapshots = tuple(
-        [_snapshot(snapshot, segmentation, registration, surface) for snapshot in taken.snapshots]
+        [
+            _snapshot(snapshot, segmentation, registration, surface, cross)
+            for snapshot in taken.snapshots
+        ]
     )
     warnings = [
         *recording.warnings,
@@ -43,6 +48,7 @@ def assemble(
         *registration.warnings,
         *outline.warnings,
         *surface.warnings,
+        *cross.warnings,
         *legs.warnings,
     ]
     return m.TableModel(
@@ -158,7 +164,11 @@ def _leg(leg: Leg) -> m.TableLeg:
 
 
 def _snapshot(
-    snapshot: Snapshot, segmentation: Segmentation, registration: Registration, surface: Surface
+    snapshot: Snapshot,
+    segmentation: Segmentation,
+    registration: Registration,
+    surface: Surface,
+    cross: CrossCheck,
 ) -> m.SnapshotPose:
     i = snapshot.index
     view, check = segmentation.views[i], registration.checks[i] if registration.checks else None
@@ -171,7 +181,8 @@ def _snapshot(
         stamp_ns=snapshot.stamp_ns,
         map_from_base=m.PlanarPose(x=pose.x, y=pose.y, yaw=pose.yaw),
         sigma=m.PoseSigma(
-            xy=float(np.sqrt((variances[0] + variances[1]) / 2)), yaw=float(np.sqrt(variances[2]))
+            xy=float(np.sqrt((variances[0] + variances[1]) / 2 + cross.pose_sigma**2)),
+            yaw=float(np.sqrt(variances[2])),
         ),
         used=reason is None,
         reason=reason,

@@ -31,8 +31,13 @@ WARNING_CODES: dict[str, str] = {
         "A chunk or message failed its checksum or could not be decoded and was left out."
     ),
     "recording.topic_choice": "Several topics fitted a role; one was chosen.",
+    "snapshots.set_aside": "Depth images became no snapshot.",
+    "snapshots.unused": "Snapshots do not see the table, or were not registered.",
+    "registration.pair_dropped": "Pairs of snapshots disagree with the rest.",
+    "legs.set_aside": "What stands under or near the top and is no leg of it.",
     "recording.no_pose": "Depth images or a laser were left out, for their pose is not known.",
     "calibration.no_floor": "Too little floor was seen to calibrate the camera; TF was believed.",
+    "calibration.focal_length": "The floor shows a wrong focal length; it was corrected.",
     "segmentation.table_tie": "Several surfaces could be the table; one was chosen.",
     "accuracy.few_views": "Too few views see the table to check one against another.",
     "accuracy.height_scatter": "The views disagree on the height of the top.",
@@ -48,7 +53,7 @@ WARNING_CODES: dict[str, str] = {
     "registration.searched": "A snapshot started far from its place and was found by searching.",
     "accuracy.registration_failed": "A snapshot's registration failed its check; it is not used.",
     "accuracy.registration_unchecked": "The snapshots could not be checked against each other.",
-    "accuracy.placement": (
+    "registration.placement": (
         "The localisation disagrees with itself; the table's place in the map is uncertain."
     ),
     "outline.view_without_edges": "A view that sees the table gave no edge of its top.",
@@ -67,9 +72,16 @@ WARNING_CODES: dict[str, str] = {
     "accuracy.votes_contradict": (
         "Part of what was seen as top lies outside the outline, or free space inside."
     ),
+    "crosscheck.mounting": (
+        "Camera and laser disagree by more than 5 mm: one of them is not where TF has it."
+    ),
     "legs.no_laser": "No laser cuts the legs; what was found rests on the depth camera alone.",
     "legs.none_found": "No leg was found.",
     "legs.inferred": "A leg that no view could have seen was put by symmetry.",
+    "export.assumed_thickness": "The top's thickness is not known; the configured one was written.",
+    "export.outline_repaired": "The outline crosses itself; its largest part was written.",
+    "export.bound": "A dimension was not seen; its bound was written.",
+    "export.verdict": "The model that was exported is doubtful or failed.",
 }
 """Every warning code and what it means. Codes that doubt the figures begin with ``accuracy.``."""
 

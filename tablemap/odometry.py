@@ -203,7 +203,7 @@ def _place_scans(
     skipped = standing = kept_prior = 0
     for scan in recording.scans():
         prior = base_at(scan.stamp_ns)
-        fixed = recording.fixed_from_base(scan.stamp_ns)
+        fixed = recording.fixed_from_base(scan.stamp_ns) if start is None else None
         if prior is None or (start is None and fixed is None):
             skipped += 1
             continue

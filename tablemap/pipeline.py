@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from tablemap.assembly import assemble
 from tablemap.calibration import calibrate
 from tablemap.config import Config
+from tablemap.crosscheck import cross_check
 from tablemap.errors import EstimationError
 from tablemap.legs import find_legs
 from tablemap.model import TableModel
@@ -109,6 +110,8 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
         with stage("surface"):
             surface = fit_surface(outline, registration, config=config.surface, seed=config.seed)
             record(surface)
+            cross = cross_check(outline, surface, registration, config=config.crosscheck)
+            record(cross)
 
         with stage("legs"):
             legs = find_legs(recording, snapshots, registration, surface, config=config.legs)
@@ -123,6 +126,7 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
             registration,
             outline,
             surface,
+            cross,
             legs,
         )
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tablemap.calibration import calibrate
 from tablemap.config import CalibrationConfig
-from tests.rendering import Box, mounting, round_trip, table, tilted
+from tablemap.snapshots import Snapshot
+from tests.rendering import CAMERA, Box, mounting, round_trip, table, tilted
 
 CONFIG = CalibrationConfig()
 
@@ -39,6 +42,39 @@ def test_what_the_floor_cannot_tell_stays_in_the_covariance() -> None:
     scale_sigma = np.sqrt(result.joint_covariance[2, 2])
     assert scale_sigma == pytest.approx(CONFIG.camera_height_sigma / 1.1, rel=0.15)
     assert result.height_sigma(0.0) < 0.001 < 0.002 < result.height_sigma(0.74)
+
+
+def nodding(focal: float, tilts_deg: list[float]) -> tuple[Snapshot, ...]:
+    """Views tilted differently, their camera published with a focal length that much too long."""
+    views = []
+    for index, tilt in enumerate(tilts_deg):
+        view = round_trip([], (0.0, 0.0), views=1, mount=mounting(1.3, tilt), seed=index)[0]
+        camera = replace(view.camera, fx=view.camera.fx / focal, fy=view.camera.fy / focal)
+        views.append(replace(view, index=index, camera=camera))
+    return tuple(views)
+
+
+def test_a_wrong_focal_length_shows_where_tilts_differ() -> None:
+    """A focal length 4 % off is found to half a percent, corrected in every view, and said."""
+    result = calibrate(nodding(0.96, list(np.linspace(18, 40, 12))), config=CONFIG)
+    assert result.focal is not None
+    assert result.focal.applied
+    assert result.focal.scale == pytest.approx(0.96, abs=0.005)
+    assert abs(result.focal.scale - 0.96) < 3 * result.focal.sigma
+    assert result.snapshots[0].camera.fx == pytest.approx(CAMERA.fx, rel=0.005)
+    assert [w.code for w in result.warnings] == ["calibration.focal_length"]
+    assert result.depth_scale == pytest.approx(1.0, abs=0.003)
+
+
+def test_a_right_focal_length_is_left_alone() -> None:
+    """Nothing is corrected where the camera is right, nor where too few tilts could tell."""
+    result = calibrate(nodding(1.0, list(np.linspace(18, 40, 12))), config=CONFIG)
+    assert result.focal is not None
+    assert not result.focal.applied
+    assert result.focal.scale == pytest.approx(1.0, abs=0.005)
+    assert result.snapshots[0].camera == CAMERA
+    few = calibrate(nodding(0.96, [18.0, 25.0, 40.0]), config=CONFIG)
+    assert few.focal is None
 
 
 def test_a_low_shelf_does_not_pass_for_the_floor() -> None:

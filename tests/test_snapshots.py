@@ -198,6 +198,23 @@ def test_combining_drops_flicker_and_averages_noise() -> None:
     assert combined[3:].std() == pytest.approx(0.004 / np.sqrt(10), rel=0.15)
 
 
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_edges_flicker_to_neither_side(count: int) -> None:
+    """A pixel on a depth edge is missing, whichever of the two depths the images saw more often."""
+    edge = np.full((count, 4, 4), 1.0, dtype=np.float32)
+    edge[0, 0] = 2.0  # one image saw what lies behind
+    edge[:, 1] = 2.0
+    edge[0, 1] = 1.0  # one image saw the nearer
+    edge[: count // 2 + 1, 2] = np.nan  # more than half of the images saw nothing
+    combined = combine(list(edge))
+    if count <= 3:
+        assert np.isnan(combined[:2]).all()
+    mirrored = combine(list(3.0 - edge))
+    assert np.array_equal(np.isnan(mirrored[:2]), np.isnan(combined[:2]))
+    assert np.isnan(combined[2]).all()
+    assert np.allclose(combined[3], 1.0)
+
+
 def test_sigma_is_read_off_the_image() -> None:
     """Noise of 2 mm at a metre and steps of 39 mm are told from the image itself."""
     noisy = round_trip([], (0.0, 0.0), views=1, noise=0.002)[0]

@@ -3,6 +3,8 @@
 from tablemap.config.loading import dump_config, load_config
 from tablemap.config.sections import (
     CalibrationConfig,
+    CrossCheckConfig,
+    ExportConfig,
     LegsConfig,
     OdometryConfig,
     OutlineConfig,
@@ -19,6 +21,8 @@ from tablemap.config.tree import Config
 __all__ = [
     "CalibrationConfig",
     "Config",
+    "CrossCheckConfig",
+    "ExportConfig",
     "LegsConfig",
     "OdometryConfig",
     "OutlineConfig",

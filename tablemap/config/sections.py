@@ -59,6 +59,17 @@ class CalibrationConfig(Section):
     )
     floor_slope: float = Field(default=0.03, ge=0, description="more of it per metre of distance")
     least_floor_pixels: int = Field(default=3000, ge=10, description="in all views together")
+    focal_sigma: float = Field(default=0.03, gt=0, description="focal length, before it is seen")
+    focal_tilts: int = Field(
+        default=10, ge=2, description="fewest different tilts that show a focal length"
+    )
+    focal_tilt_gain: float = Field(
+        default=0.003, ge=0, description="recorded tilts may err by this share of themselves"
+    )
+    focal_significance: float = Field(
+        default=4.0, gt=0, description="sigmas from which on a focal length is corrected"
+    )
+    plausible_focal: float = Field(default=0.1, gt=0, description="largest focal correction")
     plausible_tilt_deg: float = Field(default=2.0, gt=0)
     plausible_scale: float = Field(default=0.025, gt=0)
 
@@ -282,8 +293,11 @@ class SurfaceConfig(Section):
     edge_bias_sigma: float = Field(
         default=0.25, gt=0, description="of a point's sigma: what near, or far, edges share unknown"
     )
+    rim_set_back: float = Field(
+        default=0.008, ge=0, description="metres by which far edges may end early at a dull rim"
+    )
     systematic_sigmas: float = Field(
-        default=3.0, gt=0, description="standard deviations in the registration's systematic bound"
+        default=1.0, gt=0, description="standard deviations in the registration's systematic part"
     )
     dimension_systematic: float = Field(
         default=0.0003, ge=0, description="metres; what no residual can tell, added to every sigma"
@@ -308,6 +322,32 @@ class SurfaceConfig(Section):
     )
     minimum_inliers: float = Field(
         default=0.6, gt=0, le=1, description="of the edge points, for a primitive to stand"
+    )
+
+
+class CrossCheckConfig(Section):
+    """Camera against laser, by the edges of the top."""
+
+    threshold: float = Field(
+        default=0.005, gt=0, description="an offset at the table from here on is a warning, metres"
+    )
+    sigmas: float = Field(default=3.0, gt=0, description="standard deviations that it must exceed")
+    largest_sigma: float = Field(
+        default=0.004, gt=0, description="less certain than this, nothing is said, metres"
+    )
+    minimum_views: int = Field(default=4, ge=3, description="views that must show edges")
+    minimum_points: int = Field(default=20, ge=5, description="edge points of a view")
+    points: int = Field(default=150, ge=20, description="most edge points of a view")
+    correlation: float = Field(
+        default=8.0, ge=1, description="neighbouring edge points that err together, as one"
+    )
+    reach: float = Field(default=0.06, gt=0, description="edges farther off are no side's, metres")
+    offset_sigma: float = Field(default=0.02, gt=0, description="prior of the offset, metres")
+    yaw_sigma: float = Field(default=0.01, gt=0, description="prior of the turn, radians")
+    scale_sigma: float = Field(default=0.003, gt=0, description="prior of the depth scale left")
+    bias_sigma: float = Field(default=0.002, gt=0, description="shared by near, or far, edges, m")
+    rim_set_back: float = Field(
+        default=0.008, ge=0, description="metres by which far edges may end early at a dull rim"
     )
 
 
@@ -366,6 +406,22 @@ class ReviewConfig(Section):
     poses: int = Field(default=500, ge=2, description="most recorded poses in the frame tree")
     plotted_pairs: int = Field(
         default=100, ge=0, description="most pairs whose ICP iterations are plotted"
+    )
+
+
+class ExportConfig(Section):
+    """What exports need that the model does not say."""
+
+    thickness: float = Field(default=0.03, gt=0, description="of a top whose own is not known")
+    padding: float = Field(default=0.0, ge=0, description="added round a keep-out area, metres")
+    resolution: float = Field(default=0.02, gt=0, description="cell of a keep-out mask, metres")
+    margin: float = Field(default=0.5, ge=0, description="free cells round it, metres")
+    on_top_of_gap: float = Field(
+        default=0.02, ge=0, description="from the top up to ED's volume on top of it, metres"
+    )
+    on_top_of_height: float = Field(default=0.3, gt=0, description="height of that volume, metres")
+    mesh_prefix: str = Field(
+        default="", description="before mesh names in URDF, as package://my_tables/"
     )
 
 

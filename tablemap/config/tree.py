@@ -6,6 +6,8 @@ from pydantic import Field
 
 from tablemap.config.sections import (
     CalibrationConfig,
+    CrossCheckConfig,
+    ExportConfig,
     LegsConfig,
     OdometryConfig,
     OutlineConfig,
@@ -32,6 +34,8 @@ class Config(Section):
     registration: RegistrationConfig = RegistrationConfig()
     outline: OutlineConfig = OutlineConfig()
     surface: SurfaceConfig = SurfaceConfig()
+    crosscheck: CrossCheckConfig = CrossCheckConfig()
     legs: LegsConfig = LegsConfig()
     review: ReviewConfig = ReviewConfig()
+    export: ExportConfig = ExportConfig()
     report: ReportConfig = ReportConfig()

@@ -123,7 +123,10 @@ def find_posts(
     counts = np.zeros(shape, dtype=np.int64)
     by_view: dict[int, Floats] = {}
     for index, map_from_base in poses.items():
-        points = snapshots[index].points_in_base()[::_STRIDE, ::_STRIDE].reshape(-1, 3)
+        snapshot = snapshots[index]
+        rays = snapshot.camera.rays[::_STRIDE, ::_STRIDE]
+        seen = rays * snapshot.depth[::_STRIDE, ::_STRIDE, None]
+        points = transform(snapshot.base_from_camera, seen).reshape(-1, 3)
         with np.errstate(invalid="ignore"):
             points = points[(points[:, 2] > low) & (points[:, 2] < low + layers * _LAYER)]
         points = map_from_base.apply(points)

@@ -18,6 +18,9 @@ from tablemap.legs.silhouettes import Evidence
 _CAUCHY = 2.5
 _SHARED = 1.3
 _SMALLEST = 0.004
+_SETTLED = 1e-5  # metres and radians
+_YAWS = 8  # that a fit may start from, over a quarter turn
+_AGREE = 0.85  # of the tangents: the others are ends of pieces, where a neighbour hides the thing
 _GRAZING = 0.4  # cosine of incidence under which a depth says little
 
 PARAMETERS = {"circle": 3, "square": 4, "rectangle": 5}
@@ -121,7 +124,7 @@ def fit_shapes(
             step[columns[:, -1]] = np.clip(step[columns[:, -1]], -0.2, 0.2)
         x = x + step
         x[columns[:, sizes]] = np.clip(x[columns[:, sizes]], _SMALLEST, 3.0)
-        if iteration > 3 and float(np.abs(step[: free + 2]).max()) < 1e-6:
+        if iteration > 3 and float(np.abs(step[: free + 2]).max()) < _SETTLED:
             break
 
     normal, gradient = prior.copy(), prior @ (mean - x)
@@ -137,7 +140,8 @@ def fit_shapes(
         costs[leg] += rows.unexplained
         count += len(rows.residual) + rows.unexplained
         if rows.tangents:
-            rms[leg] = float(np.sqrt(np.mean(rows.residual[: rows.tangents] ** 2)))
+            squares = np.sort(rows.residual[: rows.tangents] ** 2)
+            rms[leg] = float(np.sqrt(np.mean(squares[: max(int(_AGREE * len(squares)), 1)])))
         if len(rows.residual) > width:
             # The median of a chi-square with one degree of freedom is 0.455.
             scale[leg] = max(1.0, float(np.median(ratio)) / 0.455)
@@ -238,12 +242,16 @@ def _add(
     present, starts = np.unique(rows.group[order], return_index=True)
     full = np.column_stack([rows.slope, rows.pose])[order]
     weighted = full * weight[order, None]
-    ends = np.append(starts[1:], len(order))
-    residual = rows.residual[order]
-    for group, start, end in zip(present, starts, ends, strict=True):
-        index = np.concatenate([own, poses + 3 * group + np.arange(3)])
-        normal[np.ix_(index, index)] += weighted[start:end].T @ full[start:end]
-        gradient[index] -= weighted[start:end].T @ residual[start:end]
+    k = len(own)
+    blocks = np.add.reduceat(weighted[:, :, None] * full[:, None, :], starts, axis=0)
+    moments = np.add.reduceat(weighted * rows.residual[order, None], starts, axis=0)
+    at = poses + 3 * present[:, None] + np.arange(3)
+    normal[np.ix_(own, own)] += blocks[:, :k, :k].sum(axis=0)
+    gradient[own] -= moments[:, :k].sum(axis=0)
+    normal[at[:, :, None], at[:, None, :]] += blocks[:, k:, k:]
+    gradient[at] -= moments[:, k:]
+    normal[own[None, :, None], at[:, None, :]] += blocks[:, :k, k:]
+    normal[at[:, :, None], own[None, None, :]] += blocks[:, k:, :k]
 
 
 def _support(kind: str, values: Floats, normal: Floats) -> tuple[Floats, Floats]:
@@ -313,18 +321,34 @@ def _surface_distance(
 def fit_alone(
     kind: str, evidence: Evidence, centre: Floats, size: float, yaw: float, *, priors: Priors
 ) -> Fit:
-    """Fit one leg by itself, from several yaws where it has one, and return the best."""
+    """Fit one leg by itself, from the best of several yaws where it has one."""
     if kind == "circle":
         start = np.array([[*centre, size]])
         return fit_shapes(kind, [evidence], start, priors=priors, tied=False)
-    starts = yaw + np.array([0.0, 0.25, 0.5, 0.75]) * np.pi / 2
-    sizes = [size] if kind == "square" else [size, size]
-    first = [np.array([[*centre, *sizes, angle]]) for angle in starts]
-    fits = [
-        fit_shapes(kind, [evidence], start, priors=priors, tied=False, iterations=6)
-        for start in first
-    ]
-    return min(fits, key=lambda fit: fit.cost)
+    starts = yaw + np.arange(_YAWS) / _YAWS * np.pi / 2
+    first = [_at_yaw(kind, evidence, centre, angle) for angle in starts]
+    best = min(first, key=lambda start: start[0])[1]
+    if best[2:-1].min() < _SMALLEST or np.linalg.norm(best[:2] - centre) > size + 0.05:
+        best = np.array([*centre, *[size] * (PARAMETERS[kind] - 3), yaw])
+    return fit_shapes(kind, [evidence], best[None], priors=priors, tied=False)
+
+
+def _at_yaw(kind: str, evidence: Evidence, centre: Floats, yaw: float) -> tuple[float, Floats]:
+    """Fit place and sizes at a held yaw to the tangents alone, where they are linear in them.
+
+    Returns the robust cost and the (p,) parameters.
+    """
+    trial = np.array([*centre, *[0.0] * (PARAMETERS[kind] - 3), yaw])
+    slope = _support(kind, trial, evidence.normal)[1][:, :-1]
+    target = np.einsum("ij,ij->i", evidence.normal, evidence.point - centre)
+    weight = 1.0 / evidence.sigma
+    for _ in range(4):
+        solved = np.linalg.lstsq(slope * weight[:, None], target * weight, rcond=None)[0]
+        ratio = ((target - slope @ solved) / (_CAUCHY * evidence.sigma)) ** 2
+        weight = 1.0 / (evidence.sigma * np.sqrt(1.0 + ratio))
+    trial[:-1] = solved
+    trial[:2] += centre
+    return float(np.log1p(ratio).sum()), trial
 
 
 def criterion(fit: Fit) -> float:

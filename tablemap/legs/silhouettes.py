@@ -265,15 +265,14 @@ def gather_evidence(
     ``members`` are all segments that belong to the same thing, ``chosen`` those to be used: an
     end whose neighbour is another member is no silhouette.
     """
-    own = {(int(v), int(b)) for v, b in zip(members.view, members.first, strict=True)}
-    own |= {(int(v), int(b)) for v, b in zip(members.view, members.last, strict=True)}
     tangents = []
     beams = scans.ranges.shape[1]
+    stride = beams + 4  # so that a step beyond the last beam is not the next scan's first
+    own = members.view * stride + np.stack([members.first, members.last])
     for ends, step, is_end in ((chosen.first, -1, chosen.low), (chosen.last, 1, chosen.high)):
-        alone = np.array(
-            [(int(v), int(e) + step) not in own for v, e in zip(chosen.view, ends, strict=True)],
-            dtype=bool,
-        )
+        next_beam = chosen.view * stride + ends + step
+        # At grazing incidence a stray beam lies between two pieces of one face.
+        alone = ~np.isin(next_beam, own) & ~np.isin(next_beam + step, own)
         keep = is_end & alone & ~chosen.between
         view, end = chosen.view[keep], ends[keep]
         inner = scans.ranges[view, end]

@@ -13,7 +13,7 @@ from tablemap.errors import EstimationError, ProcessWarning
 from tablemap.outline.contour import Contour, place_on_plane, trace
 from tablemap.outline.occupancy import Occupancy, observe
 from tablemap.outline.plane import ViewPlane, fit_plane, joint_height
-from tablemap.outline.thickness import face_ends, joint_thickness
+from tablemap.outline.thickness import FaceEnds, face_ends, joint_rim, joint_thickness
 from tablemap.outline.types import EdgeKind, Outline, ViewEdges
 from tablemap.outline.votes import vote
 from tablemap.segmentation import Segmentation
@@ -81,7 +81,9 @@ def find_edges(
         if seen is not None:
             traced.append(_TracedView(snapshot, plane, seen, trace(seen, snapshot, config=config)))
 
-    thickness = _thickness(traced, config)
+    faces = _faces(traced, config)
+    thickness = joint_thickness(faces, config=config)
+    rim = None if thickness is None else joint_rim(faces)
     labels = {view.index: view.labels for view in used}
     views: list[ViewEdges] = []
     for item in traced:
@@ -91,6 +93,7 @@ def find_edges(
             item.snapshot,
             plane=item.plane,
             thickness=None if thickness is None else thickness[0],
+            rim=0.0 if rim is None or rim[0] < 3 * rim[1] else rim[0],
             config=config,
         )
         top, free = vote(item.seen, item.snapshot, labels[item.snapshot.index], config=config)
@@ -119,6 +122,8 @@ def find_edges(
         thickness=None if thickness is None else thickness[0],
         thickness_sigma=None if thickness is None else thickness[1],
         warnings=tuple(warnings),
+        rim=None if rim is None else rim[0],
+        rim_sigma=None if rim is None else rim[1],
     )
 
 
@@ -148,12 +153,12 @@ def _shrunk(plane: ViewPlane, height: float, scatter: float) -> ViewPlane:
     )
 
 
-def _thickness(traced: list[_TracedView], config: OutlineConfig) -> tuple[float, float] | None:
-    """Return the joint thickness and sigma from the near edges of all views."""
+def _faces(traced: list[_TracedView], config: OutlineConfig) -> list[FaceEnds]:
+    """Return what each view shows of the side face at its near edges."""
     ends = []
     for item in traced:
         placed = place_on_plane(
-            item.seen, item.contour, item.snapshot, plane=item.plane, thickness=None, config=config
+            item.seen, item.contour, item.snapshot, plane=item.plane, config=config
         )
         ends.append(
             face_ends(
@@ -165,4 +170,4 @@ def _thickness(traced: list[_TracedView], config: OutlineConfig) -> tuple[float,
                 config=config,
             )
         )
-    return joint_thickness(ends, config=config)
+    return ends

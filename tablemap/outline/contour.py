@@ -236,13 +236,15 @@ def place_on_plane(
     snapshot: Snapshot,
     *,
     plane: ViewPlane,
-    thickness: float | None,
+    thickness: float | None = None,
+    rim: float = 0.0,
     config: OutlineConfig,
 ) -> PlacedContour:
     """Intersect the edge points' rays with the top's plane.
 
     Where the side face is towards the camera its upper strip passed for top, so the boundary ray
-    meets the face a tolerance (or the whole thickness, where that is less) below the plane.
+    meets the face a tolerance (or the whole thickness, where that is less) below the plane. Where
+    the edge is bevelled or rounded the face lies ``rim`` metres further out.
     """
     camera, pose = snapshot.camera, snapshot.base_from_camera
     window = contour.place
@@ -294,6 +296,7 @@ def place_on_plane(
     )
     length = np.maximum(np.linalg.norm(across, axis=1), 1e-9)
     normals = across / length[:, None]
+    points = points + np.where(lower > 0, rim, 0.0)[:, None] * normals
     metres_per_px = 1 / length
 
     away = in_base[:, :2] / -fall[:, None]  # metres along the ground per metre of height

@@ -1,4 +1,4 @@
-"""How thick the top is, where its side face is seen down to its lower end."""
+"""How thick the top is, where its side face is seen down to its lower end; how its rim bulges."""
 
 from __future__ import annotations
 
@@ -17,18 +17,25 @@ from tablemap.snapshots import Snapshot
 MINIMUM_ENDS = 25
 """Fewer lower ends of a side face than this, over all views, give no thickness."""
 
+MINIMUM_FACE = 100
+"""Fewer pixels of a view's side faces than this say nothing about the rim."""
+
+RIM_SIGMA_M = 0.0002
+"""What the rim of a sharp edge scatters by at least, metres."""
+
 
 @dataclass(frozen=True, eq=False)
 class FaceEnds:
     """Lower ends of the side face in one view: ``drop`` (n,) metres below the plane.
 
     ``resolution`` is the height that one pixel spans on the face, metres; ``tau`` what passed for
-    top there.
+    top there. ``bulge`` (m,) is how far pixels of the face lie outside the placed edge, metres.
     """
 
     drop: Floats
     resolution: Floats
     tau: Floats
+    bulge: Floats
 
 
 def face_ends(
@@ -48,7 +55,7 @@ def face_ends(
     place, step = contour.place[near], contour.outward[near]
     edge, normal = placed.points[near], placed.normals[near]
     if len(place) == 0:
-        return FaceEnds(np.zeros(0), np.zeros(0), np.zeros(0))
+        return FaceEnds(*[np.zeros(0)] * 4)
     u = np.clip(np.round(place[:, 0]).astype(int), 0, seen.top.shape[1] - 1)
     v = np.clip(np.round(place[:, 1]).astype(int), 0, seen.top.shape[0] - 1)
     distance = np.maximum(seen.offset / np.maximum(-seen.fall[v, u].astype(np.float64), 0.02), 0.1)
@@ -96,7 +103,11 @@ def face_ends(
     with np.errstate(invalid="ignore"):
         is_mixed = following > set_back[index, end] + 2 * allowance
     drop = -height[index, last] + per_px * (end - last + is_mixed) / 2
-    return FaceEnds(drop[has_end], per_px[has_end], seen.tau[v, u].astype(np.float64)[has_end])
+    passed = seen.tau[v, u].astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        plain = on_face & (height < -2 * passed[:, None]) & (height > -0.8 * drop[:, None])
+    plain &= has_end[:, None] & ~away & (np.arange(len(walked))[None, :] < last[:, None])
+    return FaceEnds(drop[has_end], per_px[has_end], passed[has_end], -set_back[plain])
 
 
 def joint_thickness(views: list[FaceEnds], *, config: OutlineConfig) -> tuple[float, float] | None:
@@ -122,3 +133,17 @@ def joint_thickness(views: list[FaceEnds], *, config: OutlineConfig) -> tuple[fl
     # Ends go together along an edge: a score of points is worth one; a quarter pixel is systematic.
     scatter = float(np.std(drop[close])) / np.sqrt(max(close.sum() / 20, 1.0))
     return value, float(np.hypot(scatter, 0.25 * resolution))
+
+
+def joint_rim(views: list[FaceEnds]) -> tuple[float, float] | None:
+    """Return how far the side face lies outside the placed edge, and its sigma (metres).
+
+    Nought at a sharp edge; a bevel or a rounding lets the top end before its outermost line. None
+    where no view shows enough of a face.
+    """
+    medians = [float(np.median(view.bulge)) for view in views if len(view.bulge) >= MINIMUM_FACE]
+    if not medians:
+        return None
+    value = float(np.median(medians))
+    scatter = 1.4826 * float(np.median(np.abs(np.array(medians) - value)))
+    return value, float(np.hypot(scatter / np.sqrt(len(medians)), RIM_SIGMA_M))

@@ -49,7 +49,12 @@ class ViewEdges:
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """All views' edges; the top's height above the floor, its thickness where a face shows it."""
+    """All views' edges; the top's height above the floor, its thickness where a face shows it.
+
+    ``rim`` is how far the side face lies outside the line where near edges were first placed: near
+    nought at a sharp edge, millimetres at a bevelled or rounded one (metres; None: no face seen).
+    Near edges are at the face; far ones end where the flat top does, somewhere within.
+    """
 
     views: tuple[ViewEdges, ...]
     height: float
@@ -58,3 +63,12 @@ class Outline:
     thickness: float | None
     thickness_sigma: float | None
     warnings: tuple[ProcessWarning, ...]
+    rim: float | None = None
+    rim_sigma: float | None = None
+
+    @property
+    def is_dull(self) -> bool:
+        """Whether the rim is bevelled or rounded, beyond doubt."""
+        if self.rim is None or self.rim_sigma is None:
+            return False
+        return self.rim > 3 * self.rim_sigma

@@ -44,6 +44,12 @@ _PAIR_ROBUST = 9.0
 _LEAST_EDGE_POINTS = 15
 _INDEPENDENT_PAIRS = 4
 _PAIR_SIGMA = (0.01, 0.01, 0.005)  # no depth pair is believed further than this
+_EDGE_SETTLED = 1e-4  # a tenth of a millimetre: what is left of it is noise
+# A tilt t lifts the floor at d by d t and shifts what lies on a plane c lower by (c + x x / c) t.
+_SIDEWAYS = 1.5
+_FLOOR_STRIDE = 6
+_FLOOR_BAND = 0.03  # metres
+_LEAST_FLOOR = 100
 
 
 def register_depth(
@@ -60,7 +66,8 @@ def register_depth(
 
     Pairs of upright surfaces tie a graph of odometry and localisation; then the table's own edges
     are laid onto each other in all views at once, with the depth's scale as a nuisance. What none
-    of this shows is a wrong focal length: it scales the whole path, and is the systematic part.
+    of this shows is a wrong focal length: it shifts all that a view sees by that share of its
+    distance, and is the systematic part.
     """
     clouds = {}
     for i, snapshot in enumerate(snapshots):
@@ -110,11 +117,11 @@ def register_depth(
     informed = any(pair.used for pair in pairs) or polished.matched.any()
     return Solution(
         poses=poses,
-        covariance=relative_covariance(poses, covariance),
+        covariance=relative_covariance(poses, covariance + _tilt_covariance(snapshots)),
         pairs=(*pairs, *odometry_pairs(edges, graph.edge_weights[: len(edges)])),
         checks=_checks(pairs, polished, steps, len(snapshots)),
         source="depth" if informed else "localisation",
-        systematic=config.depth_focal_sigma * _spread(poses),
+        systematic=config.depth_focal_sigma * _reach(outlines, poses),
         warnings=tuple(warnings),
     )
 
@@ -171,7 +178,7 @@ def _polish(
             "correlation": config.edge_correlation,
         }
     )
-    return polish(outlines, graph.poses, pairs, held, config=edge_config)
+    return polish(outlines, graph.poses, pairs, held, config=edge_config, settled=_EDGE_SETTLED)
 
 
 def _held(graph: GraphSolution, pairs: Sequence[Pair], edges: Sequence[Edge]) -> list[Edge]:
@@ -193,9 +200,34 @@ def _held(graph: GraphSolution, pairs: Sequence[Pair], edges: Sequence[Edge]) ->
     return held
 
 
-def _spread(poses: Floats) -> float:
+def _reach(outlines: Sequence[StopScan | None], poses: Floats) -> float:
+    """Return how far what is seen lies from the views, in metres."""
+    seen = [outline.directions for outline in outlines if outline is not None]
+    if seen:
+        return float(np.median(np.linalg.norm(np.concatenate(seen), axis=1)))
     centred = poses[:, :2] - poses[:, :2].mean(axis=0)
     return float(np.sqrt(np.mean(np.sum(centred**2, axis=1))))
+
+
+def _tilt_covariance(snapshots: Sequence[Snapshot]) -> Floats:
+    """Return (3n, 3n): what each view's own tilt adds, as the floors of the views disagree.
+
+    A camera held by hand tilts differently in every view. The tilt that lifts the floor moves what
+    lies on the top sideways by about `_SIDEWAYS` times as much, alike in all of the view.
+    """
+    medians = []
+    for snapshot in snapshots:
+        depth = snapshot.depth[::_FLOOR_STRIDE, ::_FLOOR_STRIDE]
+        up = snapshot.base_from_camera[2, :3]
+        rays = snapshot.camera.rays[::_FLOOR_STRIDE, ::_FLOOR_STRIDE]
+        height = (rays @ up) * depth + snapshot.base_from_camera[2, 3]
+        floor = height[np.abs(height) < _FLOOR_BAND]
+        if len(floor) >= _LEAST_FLOOR:
+            medians.append(float(np.median(floor)))
+    if len(medians) < 2:
+        return np.zeros((3 * len(snapshots), 3 * len(snapshots)))
+    sideways = _SIDEWAYS * float(np.sqrt(np.mean(np.square(medians))))
+    return np.diag(np.tile(np.square([sideways, sideways, 0.0]), len(snapshots)))
 
 
 def _checks(

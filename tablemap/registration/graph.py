@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from tablemap.geometry import Floats, Pose2
@@ -90,6 +91,11 @@ def solve_graph(
     return GraphSolution(poses, edge_weights, anchor_weights, covariance, scale)
 
 
+def edge_errors(poses: Floats, edges: Sequence[Edge]) -> Floats:
+    """Return (e, 3): how far ``poses`` (n, 3) put the sources from where the edges have them."""
+    return _edge_terms(poses, 0.0, edges, 1.0)[0]
+
+
 def edge_error(poses: Floats, edge: Edge) -> Floats:
     """Return (3,): how far ``poses`` (n, 3) put the source from where the edge has it."""
     error, _ = _edge_terms(poses, 0.0, [edge], 1.0)
@@ -147,25 +153,11 @@ def _normal_equations(
     size = 3 * len(poses) + 1
     system = np.zeros((size, size))
     gradient = np.zeros(size)
-    error, weight = _edge_terms(poses, scale, edges, factor)
-    for k, edge in enumerate(edges):
-        at = poses[edge.target]
-        cos, sin = np.cos(at[2]), np.sin(at[2])
-        dx, dy = poses[edge.source, :2] - at[:2]
-        jacobian = np.zeros((3, 7))
-        jacobian[:2, 0:2] = [[cos, sin], [-sin, cos]]
-        jacobian[:2, 3:5] = [[-cos, -sin], [sin, -cos]]
-        jacobian[:2, 5] = [-sin * dx + cos * dy, -cos * dx - sin * dy]
-        jacobian[2, 2], jacobian[2, 5] = 1.0, -1.0
-        if edge.turns_with_scale:
-            measured = edge.target_from_source
-            half = 0.5 * measured.yaw
-            jacobian[:, 6] = [half * measured.y, -half * measured.x, -measured.yaw]
-        s, t = 3 * edge.source, 3 * edge.target
-        columns = np.array([s, s + 1, s + 2, t, t + 1, t + 2, size - 1])
-        weighted = weight[k] * jacobian.T @ edge.information
-        system[np.ix_(columns, columns)] += weighted @ jacobian
-        gradient[columns] += weighted @ error[k]
+    if edges:
+        error, weight = _edge_terms(poses, scale, edges, factor)
+        jacobian, columns = edge_jacobians(poses, edges)
+        information = weight[:, None, None] * np.stack([edge.information for edge in edges])
+        accumulate(system, gradient, jacobian, columns, information, error)
     error, weight = _anchor_terms(poses, anchors, factor)
     for k, anchor in enumerate(anchors):
         rows = slice(3 * anchor.index, 3 * anchor.index + 3)
@@ -176,6 +168,50 @@ def _normal_equations(
     # A node that nothing holds stays where it is.
     system[np.diag_indices(size)] += _TINY * max(1.0, float(np.trace(system)) / size)
     return system, gradient
+
+
+def edge_jacobians(poses: Floats, edges: Sequence[Edge]) -> tuple[Floats, NDArray[np.int64]]:
+    """Return (e, 3, 7) derivatives of the edges' errors and (e, 7) the columns that they go to.
+
+    The columns are the source's x, y, yaw, the target's, and the last one: the yaw scale.
+    """
+    source = np.array([edge.source for edge in edges], dtype=np.int64)
+    target = np.array([edge.target for edge in edges], dtype=np.int64)
+    measured = np.array([edge.target_from_source.as_array() for edge in edges])
+    scaled = np.array([edge.turns_with_scale for edge in edges])
+    cos, sin = np.cos(poses[target, 2]), np.sin(poses[target, 2])
+    dx, dy = (poses[source] - poses[target])[:, :2].T
+    jacobian = np.zeros((len(edges), 3, 7))
+    jacobian[:, 0, 0], jacobian[:, 0, 1] = cos, sin
+    jacobian[:, 1, 0], jacobian[:, 1, 1] = -sin, cos
+    jacobian[:, :2, 3:5] = -jacobian[:, :2, :2]
+    jacobian[:, 0, 5], jacobian[:, 1, 5] = -sin * dx + cos * dy, -cos * dx - sin * dy
+    jacobian[:, 2, 2], jacobian[:, 2, 5] = 1.0, -1.0
+    half = 0.5 * scaled * measured[:, 2]
+    jacobian[:, 0, 6], jacobian[:, 1, 6] = half * measured[:, 1], -half * measured[:, 0]
+    jacobian[:, 2, 6] = -(scaled * measured[:, 2])
+    first = np.stack([3 * source, 3 * source + 1, 3 * source + 2], axis=1)
+    second = np.stack([3 * target, 3 * target + 1, 3 * target + 2], axis=1)
+    last = np.full((len(edges), 1), 3 * len(poses), dtype=np.int64)
+    return jacobian, np.concatenate([first, second, last], axis=1)
+
+
+def accumulate(
+    system: Floats,
+    gradient: Floats,
+    jacobian: Floats,
+    columns: NDArray[np.int64],
+    information: Floats,
+    error: Floats,
+) -> None:
+    """Add the edges' parts to the normal equations, in place."""
+    weighted = np.swapaxes(jacobian, 1, 2) @ information
+    size = len(system)
+    flat = (columns[:, :, None] * size + columns[:, None, :]).ravel()
+    parts = np.bincount(flat, weights=(weighted @ jacobian).ravel(), minlength=size * size)
+    system += parts.reshape(size, size)
+    pulls = (weighted @ error[:, :, None])[..., 0]
+    gradient += np.bincount(columns.ravel(), weights=pulls.ravel(), minlength=size)
 
 
 def relative_covariance(poses: Floats, covariance: Floats) -> Floats:

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from tablemap.config import RegistrationConfig
 from tablemap.geometry import Floats, Pose2
-from tablemap.registration.graph import Edge, edge_error
+from tablemap.registration.graph import Edge, accumulate, edge_errors, edge_jacobians
 from tablemap.registration.results import StopScan
 
 _ITERATIONS_A_GATE = 6
@@ -42,10 +42,12 @@ def polish(
     edges: Sequence[Edge],
     *,
     config: RegistrationConfig,
+    settled: float = 1e-6,
 ) -> Polished:
     """Refine all poses (n, 3) by one Gauss-Newton over the points of all pairs, both ways.
 
     ``edges`` (odometry) hold what the scans leave open; ``stops`` without a scan are None. The
+    iteration at a gate ends with steps below ``settled`` (metres, radians). The
     covariance counts each beam once however many pairs it serves, ``correlation`` beams as one.
     """
     scans = {i: stop for i, stop in enumerate(stops) if stop is not None and len(stop.points)}
@@ -72,7 +74,7 @@ def polish(
             poses += step[:-1].reshape(-1, 3)
             poses[:, 2] = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
             bias += float(step[-1])
-            if np.abs(step).max() < 1e-6:
+            if np.abs(step).max() < settled:
                 break
     system = sums.system / (sigma**2 * effective)
     _add_priors(system, np.zeros(size), poses, bias, edges, config)
@@ -155,19 +157,12 @@ def _add_priors(
     edges: Sequence[Edge],
     config: RegistrationConfig,
 ) -> None:
-    for edge in edges:
-        error = edge_error(poses, edge)
-        at = Pose2.from_array(poses[edge.target])
-        back = at.rotation.T
-        d = back @ (poses[edge.source, :2] - at.translation)
-        jacobian = np.zeros((3, 6))
-        jacobian[:2, 0:2], jacobian[:2, 3:5] = back, -back
-        jacobian[:2, 5] = [d[1], -d[0]]
-        jacobian[2, 2], jacobian[2, 5] = 1.0, -1.0
-        s, t = 3 * edge.source, 3 * edge.target
-        columns = np.array([s, s + 1, s + 2, t, t + 1, t + 2])
-        system[np.ix_(columns, columns)] += jacobian.T @ edge.information @ jacobian
-        gradient[columns] += jacobian.T @ edge.information @ error
+    if edges:
+        jacobian, columns = edge_jacobians(poses, edges)
+        # The last column is the range bias here: no edge knows of it.
+        jacobian[:, :, 6] = 0.0
+        information = np.stack([edge.information for edge in edges])
+        accumulate(system, gradient, jacobian, columns, information, edge_errors(poses, edges))
     loose = np.arange(len(system) - 1)
     system[loose, loose] += _LOOSE
     system[-1, -1] += 1.0 / config.range_bias_sigma**2

@@ -142,5 +142,5 @@ def _doubts(
             f"the localised poses lie {1e3 * spread:.0f} mm (median) from the registered ones; "
             "the table's place in the map is no better known than that"
         )
-        warnings.append(ProcessWarning("accuracy.placement", "registration", message))
+        warnings.append(ProcessWarning("registration.placement", "registration", message))
     return warnings

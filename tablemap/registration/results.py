@@ -82,8 +82,9 @@ class Registration:
     yaw in the map), is relative: with the mean pose held. ``placement_covariance`` (3, 3) says how
     well the whole is placed in the map. ``graph_before`` are the poses before the graph was solved.
     ``trajectory`` is the registered base in the map at the odometry's stamps. ``source`` is
-    ``laser``, ``depth`` or ``localisation``. ``systematic`` (metres) bounds what residuals cannot
-    see. ``used[i]`` is False where the check failed.
+    ``laser``, ``depth`` or ``localisation``. ``systematic`` (metres) is the standard deviation, per
+    axis, of what residuals cannot see: it rests on what is assumed of the sensors, not on data.
+    ``used[i]`` is False where the check failed.
     """
 
     map_from_base: tuple[Pose2, ...]

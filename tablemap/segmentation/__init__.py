@@ -76,7 +76,7 @@ def segment(
         height=height.value,
         height_sigma=sigma,
         candidates=candidates,
-        warnings=(*warnings, *_doubts(height, len(used))),
+        warnings=(*warnings, *_doubts(height)),
     )
 
 
@@ -109,22 +109,8 @@ def _choose(
     return chosen, [ProcessWarning("segmentation.table_tie", "segmentation", message)]
 
 
-def _doubts(height: Height, used: int) -> list[ProcessWarning]:
-    warnings = []
-    if used < 3:
-        warnings.append(
-            ProcessWarning(
-                "accuracy.few_views",
-                "segmentation",
-                f"Only {used} {'view sees' if used == 1 else 'views see'} the table",
-            )
-        )
-    if height.scatter > 0.01:
-        warnings.append(
-            ProcessWarning(
-                "accuracy.height_scatter",
-                "segmentation",
-                f"The top's height varies by {1000 * height.scatter:.0f} mm between views",
-            )
-        )
-    return warnings
+def _doubts(height: Height) -> list[ProcessWarning]:
+    if height.scatter <= 0.01:
+        return []
+    message = f"The top's height varies by {1000 * height.scatter:.0f} mm between views"
+    return [ProcessWarning("accuracy.height_scatter", "segmentation", message)]

@@ -71,7 +71,8 @@ def _group(patches: list[Patch], config: SegmentationConfig) -> list[_Group]:
     """Put patches together that overlap in the map at one height, largest first.
 
     The poses are those of the localisation, centimetres to decimetres off: a patch joins the group
-    that it overlaps most, and groups that came to overlap widely are joined in the end.
+    that it overlaps most, and groups that came to overlap widely are joined in the end. What one
+    view saw apart, a seat drawn up to the table, stays apart.
     """
     groups: list[_Group] = []
     for patch in sorted(patches, key=lambda p: -p.area):
@@ -81,7 +82,7 @@ def _group(patches: list[Patch], config: SegmentationConfig) -> list[_Group]:
             if abs(group.height - patch.height) > config.merge_height:
                 continue
             overlap = _overlap(group.shape, shape)
-            if overlap > best_overlap:
+            if overlap > best_overlap and not _apart(group.patches, [patch]):
                 best, best_overlap = group, overlap
         if best is None:
             best = _Group()
@@ -104,16 +105,24 @@ def _group(patches: list[Patch], config: SegmentationConfig) -> list[_Group]:
 
 
 def _are_one(first: _Group, second: _Group, config: SegmentationConfig) -> bool:
-    """Tell whether two groups are one surface: they overlap, or they touch unseen together.
+    """Tell whether two groups are one surface: they overlap, or they touch with no gap seen.
 
-    Opposite views of a long table may show an end each; one view that has both keeps them apart.
+    Opposite views of a long table may show an end each, and clutter may part it in every view; a
+    gap that was seen through keeps two surfaces apart.
     """
     if abs(first.height - second.height) > config.merge_height:
         return False
+    if _apart(first.patches, second.patches):
+        return False
     if _overlap(first.shape, second.shape) > 2 * config.merge_overlap:
         return True
-    together = {p.view for p in first.patches} & {p.view for p in second.patches}
-    return not together and float(first.shape.distance(second.shape)) < config.merge_gap
+    return float(first.shape.distance(second.shape)) < config.merge_gap
+
+
+def _apart(first: list[Patch], second: list[Patch]) -> bool:
+    """Tell whether the views that show patches of both saw through a gap between most of them."""
+    pairs = [(p, q) for p in first for q in second if p.view == q.view]
+    return 2 * sum(q.number in p.parted for p, q in pairs) > len(pairs)
 
 
 def _overlap(first: shapely.Geometry, second: shapely.Geometry) -> float:

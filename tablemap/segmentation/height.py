@@ -67,9 +67,10 @@ def joint_height(
 
     None where no view shows enough of the surface.
     """
-    samples = []
+    samples, places = [], []
     for view in views:
         z = view.points[..., 2]
+        places.append(region(view, candidate, 0.0))
         with np.errstate(invalid="ignore"):
             near = (
                 region(view, candidate, config.reach)
@@ -82,8 +83,8 @@ def joint_height(
         return None
     planes: dict[int, Plane] = {}
     weights: list[float] = []
-    for view, near in zip(views, samples, strict=True):
-        found = _view_height(view, near, mode, config)
+    for view, near, place in zip(views, samples, places, strict=True):
+        found = _view_height(view, near, place, mode, config)
         if found is not None:
             planes[view.snapshot.index], sigma, pixels = found
             weights.append(min(pixels, 20_000) / (sigma**2 + 0.002**2))
@@ -127,11 +128,16 @@ def _joint_mode(views: list[View], samples: list[NDArray[np.bool_]], height: flo
 
 
 def _view_height(
-    view: View, near: NDArray[np.bool_], mode: float, config: SegmentationConfig
+    view: View,
+    near: NDArray[np.bool_],
+    place: NDArray[np.bool_],
+    mode: float,
+    config: SegmentationConfig,
 ) -> tuple[Plane, float, int] | None:
     """Return one view's plane, its pixels' noise and their number, or None where too few.
 
-    Only the connected surface that is largest counts: seats lie beside it.
+    Only the connected surface counts that covers most of the table's ``place``: seats lie beside
+    it, and one close to the camera has more pixels.
     """
     z = view.points[..., 2]
     gate = tolerance(view.sigma, config.view_height_gate, config.tolerance_sigmas)
@@ -140,10 +146,16 @@ def _view_height(
     labels, count = ndimage.label(ndimage.binary_opening(close, np.ones((3, 3))))
     if count == 0:
         return None
-    sizes = np.bincount(labels.ravel())[1:]
-    if sizes.max() < LEAST_PIXELS:
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)
+    area = np.nan_to_num(view.area)
+    covered = 0.0 + np.bincount(labels[place], weights=area[place], minlength=count + 1)
+    covered += 0.1 * np.bincount(labels.ravel(), weights=area.ravel(), minlength=count + 1)
+    covered[0] = 0.0
+    covered[sizes < LEAST_PIXELS] = 0.0
+    best = int(np.argmax(covered))
+    if covered[best] <= 0.0:
         return None
-    mine = labels == int(np.argmax(sizes)) + 1
+    mine = labels == best
     # The rim sinks into side faces and mixed pixels: leave it out where enough remains.
     core = ndimage.binary_erosion(mine, np.ones((5, 5)))
     if int(core.sum()) >= LEAST_PIXELS:

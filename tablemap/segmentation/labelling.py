@@ -10,7 +10,7 @@ from scipy import ndimage
 from tablemap.config import SegmentationConfig
 from tablemap.segmentation.height import Plane, region
 from tablemap.segmentation.types import Label, TableCandidate, ViewSegmentation
-from tablemap.segmentation.views import View, inside, tolerance
+from tablemap.segmentation.views import View, inside, is_parted, tolerance
 
 FLOOR_M = 0.04
 STANDING_M = 0.06  # what stands on the top begins this close above it
@@ -18,6 +18,8 @@ RIM_M = 0.04
 # How much of a surface must lie within reach of the table's place to be part of the same top:
 # with clutter that leads over to it, and with missing depth alone between.
 BRIDGED_SHARE, NEAR_SHARE = 0.3, 0.5
+GAP_STEP_PX = 2
+MOST_SEEDS, SEED_SHARE = 3, 0.25  # surfaces from which the top is put together, by their score
 
 
 def label_view(
@@ -107,8 +109,8 @@ def _top(
 ) -> NDArray[np.bool_]:
     """Return the surfaces that are this top: the one at its place, and what clutter parted from it.
 
-    Of two surfaces at one height, a gap that was seen through tells a second table; clutter that
-    stands against both, or nothing but missing depth between them, does not.
+    Of two surfaces at one height, a gap that was seen through tells a second table; clutter or
+    missing depth between them does not.
     """
     none = np.zeros(surfaces.shape, dtype=bool)
     count = int(surfaces.max()) if surfaces.size else 0
@@ -123,44 +125,60 @@ def _top(
     inside[0] = near[0] = 0.0
     # Nearly all of the table's own surface lies within reach of its place; a neighbour's does not.
     score = (inside + 0.5 * near) * near / np.maximum(whole, 1e-9)
-    main = int(np.argmax(score))
-    if score[main] <= 0.0:
+    if score.max() <= 0.0:
         return none
-    top: NDArray[np.bool_] = surfaces == main
-    others = [
-        k
-        for k in np.flatnonzero(near > BRIDGED_SHARE * np.maximum(whole, 1e-9))
-        if k != main and near[k] > 0.0
-    ]
-    if not others:
+    close = np.flatnonzero(near > BRIDGED_SHARE * np.maximum(whole, 1e-9))
+    if len(close) <= 1:
+        top: NDArray[np.bool_] = surfaces == int(np.argmax(score))
         return top
-    step = 2
-    bridges, _ = ndimage.label(_grown((surfaces > 0) | (over & around))[::step, ::step])
-    bridge = np.bincount(bridges[top[::step, ::step]], minlength=2)
-    bridge[0] = 0
-    rows, columns = ndimage.distance_transform_edt(
-        ~top[::step, ::step], return_distances=False, return_indices=True
+    thin = surfaces[::GAP_STEP_PX, ::GAP_STEP_PX]
+    bridges, _ = ndimage.label(
+        _grown((surfaces > 0) | (over & around))[::GAP_STEP_PX, ::GAP_STEP_PX]
     )
-    thin, thin_below = surfaces[::step, ::step], below[::step, ::step]
-    for k in others:
-        v, u = np.nonzero(thin == k)
-        if len(v) == 0:
+    # One pixel below the plane is noise; four in a square were seen through.
+    through = ndimage.minimum_filter(below[::GAP_STEP_PX, ::GAP_STEP_PX].view(np.uint8), 2).view(
+        np.bool_
+    )
+    seeds = np.argsort(-score)[:MOST_SEEDS]
+    sets = []
+    for seed in seeds[score[seeds] > SEED_SHARE * score.max()]:
+        joined = _joined(int(seed), close, thin, bridges, through, near < NEAR_SHARE * whole)
+        sets.append((float(score[joined].sum()), joined))
+    _, best = max(sets, key=lambda entry: entry[0])
+    result: NDArray[np.bool_] = np.isin(surfaces, best)
+    return result
+
+
+def _joined(
+    main: int,
+    close: NDArray[np.int64],
+    thin: NDArray[np.int32],
+    bridges: NDArray[np.int32],
+    through: NDArray[np.bool_],
+    is_far: NDArray[np.bool_],
+) -> list[int]:
+    """Return the surface ``main`` and those of ``close`` that no gap parts from it.
+
+    All images are thinned alike; ``is_far`` (by label) are those that only clutter may join.
+    """
+    top = thin == main
+    result = [main]
+    if not top.any():
+        return result
+    bridge = np.bincount(bridges[top], minlength=2)
+    bridge[0] = 0
+    for k in close:
+        other = thin == k
+        if k == main or not other.any():
             continue
-        joined = bridges[v, u] == int(np.argmax(bridge))
-        if float(joined.mean()) > 0.5:
-            top |= surfaces == k
+        led_over = float((bridges[other] == int(np.argmax(bridge))).mean()) > 0.5
+        if is_far[k] and not led_over:
             continue
-        pick = np.linspace(0, len(v) - 1, min(len(v), 40)).astype(np.int64)
-        v, u = v[pick], u[pick]
-        fraction = np.linspace(0, 1, 24)[None, :]
-        line_v = np.round(v[:, None] + fraction * (rows[v, u] - v)[:, None]).astype(np.int64)
-        line_u = np.round(u[:, None] + fraction * (columns[v, u] - u)[:, None]).astype(np.int64)
-        if near[k] < NEAR_SHARE * whole[k]:
-            continue
-        seen_through = thin_below[line_v, line_u].mean(axis=1)
-        if float(np.median(seen_through)) < 0.15:
-            top |= surfaces == k
-    return top
+        # A cup before a chair touches both in the image: what lies between the rest decides.
+        gap = through & (thin == 0)
+        if not is_parted(other, top, gap) and not is_parted(top, other, gap):
+            result.append(int(k))
+    return result
 
 
 def _standing(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +10,13 @@ from scipy import ndimage
 
 from tablemap.config import SegmentationConfig
 from tablemap.geometry import Floats
-from tablemap.segmentation.views import View, tolerance
+from tablemap.segmentation.views import View, is_parted, tolerance
 
 BIN_M = 0.005
 MOST_LEVELS = 8
 CELL_M = 0.04
 FARTHEST_M = 6.0
+GAP_STEP_PX = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +26,8 @@ class Patch:
     ``cells`` (n, 2) are thinned points of it in the map; ``camera`` (2,) the camera's place there;
     ``gaze`` metres between it and the optical axis at its height; ``open_share`` how much was seen
     under it against its front (None: neither), ``walled_share`` how much of its rim rises.
+    ``number`` counts a view's patches; ``parted`` are those at about this height between which and
+    this one the view saw through.
     """
 
     view: int
@@ -35,6 +38,8 @@ class Patch:
     gaze: float
     open_share: float | None
     walled_share: float
+    number: int
+    parted: frozenset[int] = frozenset()
 
 
 def find_patches(view: View, config: SegmentationConfig) -> list[Patch]:
@@ -49,6 +54,7 @@ def find_patches(view: View, config: SegmentationConfig) -> list[Patch]:
         )
     band = tolerance(view.sigma, config.patch_tolerance, config.tolerance_sigmas)
     patches: list[Patch] = []
+    masks: list[NDArray[np.bool_]] = []
     left = candidate.copy()
     for _ in range(MOST_LEVELS):
         level = _fullest_level(z[left], view.area[left], config)
@@ -61,11 +67,33 @@ def find_patches(view: View, config: SegmentationConfig) -> list[Patch]:
         if count == 0:
             continue
         areas = ndimage.sum_labels(view.area, labels, np.arange(1, count + 1))
-        patches.extend(
-            _describe(view, labels == k + 1, float(areas[k]))
-            for k in np.flatnonzero(areas >= config.least_area)
-        )
-    return patches
+        for k in np.flatnonzero(areas >= config.least_area):
+            masks.append(labels == k + 1)
+            patches.append(_describe(view, masks[-1], float(areas[k]), len(patches)))
+    return _told_apart(view, patches, masks, config)
+
+
+def _told_apart(
+    view: View, patches: list[Patch], masks: list[NDArray[np.bool_]], config: SegmentationConfig
+) -> list[Patch]:
+    """Note of each patch which others of about its height lie beyond a gap seen through."""
+    parted: list[set[int]] = [set() for _ in patches]
+    thin = [mask[::GAP_STEP_PX, ::GAP_STEP_PX] for mask in masks]
+    z = view.points[::GAP_STEP_PX, ::GAP_STEP_PX, 2]
+    for i, first in enumerate(patches):
+        for j, second in enumerate(patches[:i]):
+            if abs(first.height - second.height) > config.merge_height:
+                continue
+            if not thin[i].any() or not thin[j].any():
+                continue
+            with np.errstate(invalid="ignore"):
+                below = z < min(first.height, second.height) - config.merge_height
+            # One pixel below is noise; four in a square were seen through.
+            gap = ndimage.minimum_filter(below.view(np.uint8), 2).view(np.bool_)
+            if is_parted(thin[i], thin[j], gap) or is_parted(thin[j], thin[i], gap):
+                parted[i].add(j)
+                parted[j].add(i)
+    return [replace(p, parted=frozenset(q)) for p, q in zip(patches, parted, strict=True)]
 
 
 def _fullest_level(
@@ -86,7 +114,7 @@ def _fullest_level(
     return float(np.average(centres, weights=histogram[around]))
 
 
-def _describe(view: View, mask: NDArray[np.bool_], area: float) -> Patch:
+def _describe(view: View, mask: NDArray[np.bool_], area: float, number: int) -> Patch:
     snapshot = view.snapshot
     inside = view.points[mask]
     height = float(np.median(inside[:, 2]))
@@ -108,6 +136,7 @@ def _describe(view: View, mask: NDArray[np.bool_], area: float) -> Patch:
         gaze=_gaze(mount, height, places),
         open_share=open_share,
         walled_share=walled_share,
+        number=number,
     )
 
 

@@ -9,6 +9,7 @@ import PIL.Image
 import PIL.ImageDraw
 import shapely
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from tablemap.snapshots import Snapshot, depth_sigma
 from tablemap.snapshots.normals import upward_share
@@ -93,3 +94,22 @@ def inside(
     v = ((y[boxed] - np.float32(bottom)) / np.float32(CELL_M)).astype(np.int32)
     result[boxed] = grid[np.clip(v, 0, cells[1] - 1), np.clip(u, 0, cells[0] - 1)]
     return result
+
+
+def is_parted(
+    first: NDArray[np.bool_], second: NDArray[np.bool_], through: NDArray[np.bool_]
+) -> bool:
+    """Say whether the shortest way from a surface to another mostly leads over pixels seen through.
+
+    All are masks of one image; both surfaces have pixels.
+    """
+    rows, columns = ndimage.distance_transform_edt(
+        ~second, return_distances=False, return_indices=True
+    )
+    v, u = np.nonzero(first)
+    pick = np.linspace(0, len(v) - 1, min(len(v), 40)).astype(np.int64)
+    v, u = v[pick], u[pick]
+    fraction = np.linspace(0, 1, 48)[None, :]
+    line_v = np.round(v[:, None] + fraction * (rows[v, u] - v)[:, None]).astype(np.int64)
+    line_u = np.round(u[:, None] + fraction * (columns[v, u] - u)[:, None]).astype(np.int64)
+    return float(through[line_v, line_u].any(axis=1).mean()) >= 0.5

@@ -24,7 +24,10 @@ def combine(images: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
     enough = 2 * valid >= len(images)
 
     def quantile(numerator: int) -> NDArray[np.float32]:
-        rank = np.clip((valid - 1) * numerator // 4, 0, None)
+        # Ranks round outward on either side, so that no side's outlier decides by itself.
+        last = valid - 1
+        rank = last * numerator // 4 if numerator <= 2 else last - last * (4 - numerator) // 4
+        rank = np.clip(rank, 0, None)
         picked: NDArray[np.float32] = np.take_along_axis(ordered, rank[None], axis=0)[0]
         return picked
 

@@ -10,6 +10,7 @@ import shapely
 from tablemap.config import SurfaceConfig
 from tablemap.geometry import Floats
 from tablemap.surface.choice import assumed_noise, criterion, estimate_noise
+from tablemap.surface.curved import Circle, RoundedRectangle
 from tablemap.surface.evidence import Evidence
 from tablemap.surface.joint import (
     JointFit,
@@ -19,19 +20,10 @@ from tablemap.surface.joint import (
     with_nuisances_of,
 )
 from tablemap.surface.polygons import polygons
-from tablemap.surface.shapes import (
-    Circle,
-    Parallelogram,
-    Polygon,
-    Rectangle,
-    RoundedRectangle,
-    Shape,
-    Sided,
-    Square,
-    area,
-)
+from tablemap.surface.shapes import Shape, area
 from tablemap.surface.starts import generators
 from tablemap.surface.status import UNSEEN, dimension_statuses, hold_unseen, sights, statuses
+from tablemap.surface.straight import Parallelogram, Polygon, Rectangle, Sided, Square
 
 
 @dataclass(frozen=True, eq=False)

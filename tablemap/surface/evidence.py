@@ -138,7 +138,7 @@ def gather(
         points=place(in_base, index, poses),
         normals=turn(normal, poses[index, 2]),
         common_mean=np.array([0.0, 0.0, config.far_bias, 0.0, 0.0]),
-        common_sigma=_common_sigma(registration, config),
+        common_sigma=_common_sigma(outline, registration, sigma[~near.astype(bool)], config),
     )
     return evidence, tuple(warnings)
 
@@ -156,11 +156,19 @@ def place(in_base: Floats, view: Ints, poses: Floats) -> Floats:
     return turn(in_base, poses[view, 2]) + poses[view, :2]
 
 
-def _common_sigma(registration: Registration, config: SurfaceConfig) -> Floats:
-    """What the registration bounds as systematic acts as a camera shifted in every base."""
+def _common_sigma(
+    outline: Outline, registration: Registration, far_sigma: Floats, config: SurfaceConfig
+) -> Floats:
+    """Return the priors of the nuisances that all views share.
+
+    What the registration bounds as systematic acts as a camera shifted in every base. Where the rim
+    is bevelled or rounded, far edges end where the flat top does, millimetres too early.
+    """
     shift = max(registration.systematic / config.systematic_sigmas, 1e-6)
-    bias = config.edge_bias_sigma
-    return np.array([config.scale_sigma, bias, bias, shift, shift])
+    near = far = config.edge_bias_sigma
+    if outline.is_dull and len(far_sigma):
+        far = float(np.hypot(far, config.rim_set_back / np.median(far_sigma)))
+    return np.array([config.scale_sigma, near, far, shift, shift])
 
 
 def _thinned(view: ViewEdges, most: int) -> Ints:

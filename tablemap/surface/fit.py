@@ -14,7 +14,7 @@ from tablemap.surface.choice import contradicting_cells, weights
 from tablemap.surface.evidence import Evidence, gather
 from tablemap.surface.joint import JointFit, corrected_poses
 from tablemap.surface.result import Figure, Primitive, Surface, SurfaceEdge
-from tablemap.surface.shapes import Shape, Sided, signed_distance
+from tablemap.surface.shapes import Shape, signed_distance
 from tablemap.surface.status import (
     INFERRED,
     MEASURED,
@@ -24,6 +24,7 @@ from tablemap.surface.status import (
     sights,
     statuses,
 )
+from tablemap.surface.straight import Sided
 
 
 def fit_surface(

@@ -9,7 +9,8 @@ import numpy as np
 from tablemap.config import SurfaceConfig
 from tablemap.geometry import Floats
 from tablemap.surface.evidence import Evidence, Ints, place, turn
-from tablemap.surface.shapes import Shape, Sided
+from tablemap.surface.shapes import Shape
+from tablemap.surface.straight import Sided
 
 COMMON = 5  # nuisances that all views share
 

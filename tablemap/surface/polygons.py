@@ -9,7 +9,8 @@ from shapely.ops import polygonize, unary_union
 from tablemap.config import SurfaceConfig
 from tablemap.geometry import Floats
 from tablemap.surface.evidence import Evidence, Ints
-from tablemap.surface.shapes import Polygon, Rectilinear, Sided, area
+from tablemap.surface.shapes import area
+from tablemap.surface.straight import Polygon, Rectilinear, Sided
 
 _MOST_LINES = 16
 _ANGLES = 180

@@ -11,8 +11,10 @@ import shapely
 
 from tablemap.config import SurfaceConfig
 from tablemap.geometry import Floats
+from tablemap.surface.curved import Circle, Ellipse
 from tablemap.surface.evidence import Evidence
-from tablemap.surface.shapes import Circle, Ellipse, Parallelogram, Rectangle, Shape
+from tablemap.surface.shapes import Shape
+from tablemap.surface.straight import Parallelogram, Rectangle
 
 _SAMPLE = 800
 

@@ -9,18 +9,11 @@ from scipy.spatial import cKDTree
 
 from tablemap.config import SurfaceConfig
 from tablemap.geometry import Floats
+from tablemap.surface.curved import Circle, Ellipse, RoundedRectangle
 from tablemap.surface.evidence import Evidence
 from tablemap.surface.joint import Anchor, JointFit
-from tablemap.surface.shapes import (
-    Circle,
-    Ellipse,
-    Parallelogram,
-    Rectangle,
-    RoundedRectangle,
-    Shape,
-    Sided,
-    Square,
-)
+from tablemap.surface.shapes import Shape
+from tablemap.surface.straight import Parallelogram, Rectangle, Sided, Square
 
 MEASURED, INFERRED, UNSEEN = "measured", "inferred", "unseen"
 _STEP = 0.01  # metres between the samples of a side that are seen or not

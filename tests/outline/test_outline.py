@@ -100,6 +100,21 @@ def test_solid_block_has_no_thickness() -> None:
     assert outline_of(Scene(replace(TOP, low=0.0)), LOW_CAMERA).thickness is None
 
 
+def test_bevelled_rim_puts_near_edges_at_the_face() -> None:
+    """A rim that falls 8 mm is dull and its near edges lie on the face; a sharp one is not."""
+    steps = np.linspace(0.0, 0.008, 9)
+    tiers = [Box(TOP.centre, (0.8 - 2 * s, 0.7 - 2 * s), 0.705, 0.737 + s, 0.3) for s in steps]
+    bevelled = outline_of(Scene(tiers[-1], tuple(tiers[:-1])), LOW_CAMERA, HIGH_CAMERA)
+    assert bevelled.is_dull
+    for view in bevelled.views:
+        near = (view.kind == EdgeKind.TABLE) & view.is_near
+        assert near.sum() > 80
+        assert abs(np.median(tiers[0].outside(view.points[near]))) < 1e-3
+    sharp = outline_of(Scene(replace(TOP, low=0.705)), LOW_CAMERA, HIGH_CAMERA)
+    assert sharp.rim == pytest.approx(0.0, abs=4e-4)
+    assert not sharp.is_dull
+
+
 def test_thin_top() -> None:
     """A top of 8 mm, hardly more than the tolerance, comes out within 2.5 mm at near edges."""
     scene = Scene(replace(TOP, low=0.737))

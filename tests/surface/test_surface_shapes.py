@@ -5,19 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tablemap.surface.shapes import (
-    Circle,
-    Ellipse,
-    Parallelogram,
-    Polygon,
-    Rectangle,
-    Rectilinear,
-    RoundedRectangle,
-    Shape,
-    Square,
-    area,
-    signed_distance,
-)
+from tablemap.surface.curved import Circle, Ellipse, RoundedRectangle
+from tablemap.surface.shapes import Shape, area, signed_distance
+from tablemap.surface.straight import Parallelogram, Polygon, Rectangle, Rectilinear, Square
 
 SHAPES: list[Shape] = [
     Circle(np.array([0.1, -0.2, 0.5])),

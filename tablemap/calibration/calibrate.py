@@ -1,0 +1,181 @@
+"""From snapshots to corrected ones: tilt, scale, height, and the focal length where it shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tablemap.calibration.fit import COMMON, fit_common, fit_floor, views_apart
+from tablemap.calibration.floor import Floor, collect_floor, correction, residuals
+from tablemap.calibration.focal import FocalLength, estimate_focal, with_focal
+from tablemap.config import CalibrationConfig
+from tablemap.errors import ProcessWarning
+from tablemap.geometry import Floats
+from tablemap.snapshots import Snapshot
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """What the floor of all views says about the camera.
+
+    ``roll`` and ``pitch`` (radians, about the base's x and y axes) and ``depth_scale`` (factor on
+    every depth) turn the recorded camera into the corrected one; ``covariance`` (3, 3) is theirs,
+    in that order, priors included. ``height_correction`` (metres) lifts the camera where the floor
+    lies beside z = 0. ``floor_rms_before`` and ``floor_rms_after`` are the floor's residuals in
+    metres.
+    ``snapshots`` are the corrected ones, in the order given. ``depth_offset`` (metres, added after
+    the scale) is fitted only to depth published in coarse steps, whose rounding is unknown.
+    ``joint_covariance`` (5, 5) goes on with the height correction, which the floor ties to the
+    scale, and the offset. ``by_view`` has, by snapshot index, roll, pitch and height (3,) on top of
+    the common ones, where the views' floors disagreed. ``focal`` is the focal length that the floor
+    asks for, where views tilted differently enough show it; the corrected snapshots have it only
+    where the evidence is clear.
+    """
+
+    roll: float
+    pitch: float
+    depth_scale: float
+    height_correction: float
+    covariance: Floats
+    floor_pixels: int
+    floor_rms_before: float
+    floor_rms_after: float
+    snapshots: tuple[Snapshot, ...]
+    warnings: tuple[ProcessWarning, ...]
+    joint_covariance: Floats
+    by_view: dict[int, Floats]
+    depth_offset: float
+    focal: FocalLength | None = None
+
+    def height_sigma(self, height: float) -> float:
+        """Return what the camera leaves unknown of a height above the floor, in metres.
+
+        A point at that height below a camera at height c has z = c + h + s (z - c): its error is
+        that of h plus (z - c) times that of s, plus what an offset along the ray does.
+        """
+        if not self.snapshots:
+            return 0.0
+        camera = float(np.median([s.base_from_camera[2, 3] for s in self.snapshots]))
+        axis = float(np.median([s.base_from_camera[2, 2] for s in self.snapshots]))
+        gradient = np.array([0.0, 0.0, height - camera, 1.0, axis])
+        return float(np.sqrt(gradient @ self.joint_covariance @ gradient))
+
+
+def calibrate(snapshots: tuple[Snapshot, ...], *, config: CalibrationConfig) -> Calibration:
+    """Fit camera tilt and depth scale to the floor pixels of all views.
+
+    A robust Gauss-Newton fit of z = 0 with priors. On a flat floor seen from one height the scale
+    and the camera's height in TF cannot be told apart: the priors share the offset out, and the
+    covariance keeps what they leave open. Where the views' floors disagree (a camera held by hand)
+    each view also gets a small tilt and height of its own. A focal length that is clearly wrong is
+    corrected first, as it would pass for a tilt and a scale.
+    """
+    floor = collect_floor(snapshots, config)
+    step = 0.0 if floor is None else floor.step
+    prior = np.array(
+        [np.deg2rad(config.tilt_sigma_deg)] * 2
+        + [config.scale_sigma, config.camera_height_sigma, max(step / np.sqrt(12), 1e-6)]
+    )
+    if floor is None or floor.pixels < config.least_floor_pixels:
+        pixels = 0 if floor is None else floor.pixels
+        warning = ProcessWarning(
+            "calibration.no_floor",
+            "calibration",
+            f"{pixels} floor pixels were seen in {len(snapshots)} views, "
+            f"{config.least_floor_pixels} are needed: the camera's tilt and scale were left as "
+            "recorded",
+        )
+        return _result(snapshots, np.zeros(5), np.diag(prior**2), {}, floor, (warning,))
+    common, covariance = fit_common(floor, prior, len(snapshots))
+    focal = estimate_focal(snapshots, floor, common, prior, config)
+    warnings = []
+    if focal is not None and focal.applied:
+        snapshots = with_focal(snapshots, focal.scale)
+        floor = collect_floor(snapshots, config) or floor
+        common, covariance = fit_common(floor, prior, len(snapshots))
+        warnings.append(_focal_warning(focal))
+    by_view: dict[int, Floats] = {}
+    able, scatter = views_apart(floor, common, len(snapshots))
+    if scatter > config.view_scatter:
+        tilt = np.deg2rad(config.view_tilt_sigma_deg)
+        view_prior = np.array([tilt, tilt, config.view_height_sigma])
+        common, own, covariance = fit_floor(floor, prior, (view_prior, able), len(snapshots))
+        by_view = {s.index: own[i] for i, s in enumerate(snapshots)}
+    warnings += _doubts(common, covariance, config)
+    result = _result(snapshots, common, covariance, by_view, floor, tuple(warnings))
+    return replace(result, focal=focal)
+
+
+def _focal_warning(focal: FocalLength) -> ProcessWarning:
+    return ProcessWarning(
+        "calibration.focal_length",
+        "calibration",
+        f"the floor, seen under {focal.tilts} tilts, asks for {focal.scale:.3f} times the recorded "
+        f"focal length (sigma {focal.sigma:.3f}); it was corrected: check the camera's calibration",
+    )
+
+
+def _doubts(common: Floats, covariance: Floats, config: CalibrationConfig) -> list[ProcessWarning]:
+    roll, pitch = np.rad2deg(common[0]), np.rad2deg(common[1])
+    doubts = []
+    if max(abs(roll), abs(pitch)) > config.plausible_tilt_deg:
+        doubts.append(f"a roll of {roll:+.2f} and a pitch of {pitch:+.2f} degrees")
+    if abs(common[2]) > config.plausible_scale:
+        doubts.append(
+            f"a depth scale of {1 + common[2]:.3f} (sigma {np.sqrt(covariance[2, 2]):.3f})"
+        )
+    return [
+        ProcessWarning(
+            "accuracy.calibration",
+            "calibration",
+            f"The floor asks for {doubt}: check the camera's mounting in TF and its calibration",
+        )
+        for doubt in doubts
+    ]
+
+
+def _result(
+    snapshots: tuple[Snapshot, ...],
+    common: Floats,
+    covariance: Floats,
+    by_view: dict[int, Floats],
+    floor: Floor | None,
+    warnings: tuple[ProcessWarning, ...],
+) -> Calibration:
+    own = np.array([by_view.get(s.index, np.zeros(3)) for s in snapshots]).reshape(-1, 3)
+    before = after = 0.0
+    if floor is not None:
+        first = residuals(floor, np.zeros(COMMON), np.zeros_like(own))
+        last = residuals(floor, common, own)
+        counted = np.abs(last) < np.maximum(3 * floor.sigma, 0.01)
+        if counted.any():
+            before = float(np.sqrt(np.mean(first[counted] ** 2)))
+            after = float(np.sqrt(np.mean(last[counted] ** 2)))
+    scale = 1 + float(common[2])
+    corrected = []
+    for snapshot, mine in zip(snapshots, own, strict=True):
+        rotation, lift = correction(common, mine)
+        mount = snapshot.base_from_camera.copy()
+        mount[:3, :3] = rotation @ mount[:3, :3]
+        mount[2, 3] += lift
+        better = snapshot.corrected(base_from_camera=mount, depth_scale=scale)
+        if abs(common[4]) > 1e-5:
+            depth = (better.depth + np.float32(common[4])).astype(np.float32)
+            better = replace(better, depth=depth)
+        corrected.append(better)
+    return Calibration(
+        roll=float(common[0]),
+        pitch=float(common[1]),
+        depth_scale=scale,
+        height_correction=float(common[3]),
+        covariance=covariance[:3, :3],
+        floor_pixels=0 if floor is None else floor.pixels,
+        floor_rms_before=before,
+        floor_rms_after=after,
+        snapshots=tuple(corrected),
+        warnings=warnings,
+        joint_covariance=covariance,
+        by_view=by_view,
+        depth_offset=float(common[4]),
+    )
