@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from tablemap.archive.folder import RunFolder, trajectory_tum
-from tablemap.config import Config, dump_config
+from tablemap.archive.verification import find_input
+from tablemap.config import Config, dump_config, load_config
 from tablemap.errors import RecordingError, TablemapError
 from tablemap.model import TableModel
 from tablemap.record import Record, RunFailed, StageFinished, StageStarted, ignore
@@ -17,6 +19,7 @@ from tablemap.record import Record, RunFailed, StageFinished, StageStarted, igno
 if TYPE_CHECKING:
     from tablemap.pipeline import Processed, Tables
 
+Follow = Callable[[Path], AbstractContextManager[object]]
 Method = Literal["tablemap", "report"]
 
 LOSSES = ("recording.truncated", "recording.damaged")
@@ -42,12 +45,14 @@ def run(
     method: Method = "tablemap",
     tables: Tables = "best",
     progress: Record = ignore,
+    follow: Follow = nullcontext,
 ) -> Outcome:
     """Process a recording into a new run folder under ``output``.
 
-    What is wrong with the recording, the disk or the permissions ends in a failed `Outcome`; the
-    folder keeps ``run.rrd`` and ``manifest.json``, and has no ``table.json``. An interruption or a
-    defect of the program marks the folder and is raised again.
+    ``follow`` is given the path of ``run.rrd`` before it is written, and left after. What is wrong
+    with the recording, the disk or the permissions ends in a failed `Outcome`; the folder keeps
+    ``run.rrd``, ``report.html`` and ``manifest.json``, and has no ``table.json``. An interruption
+    or a defect of the program marks the folder and is raised again.
     """
     try:
         if not recording_path.exists():
@@ -61,13 +66,23 @@ def run(
         return Outcome(recording_path, None, "failed", str(error), None)
 
     from tablemap.recording import sha256
+    from tablemap.review.page import Page
 
+    page = Page()
     stages = _Stages()
     with ThreadPoolExecutor(1, thread_name_prefix="sha256") as hashing:
         digest = hashing.submit(sha256, recording_path)
         try:
             processed = _process_reviewed(
-                recording_path, folder, config, _method(method), tables, stages, progress
+                recording_path,
+                folder,
+                config,
+                _method(method),
+                tables,
+                stages,
+                page,
+                progress,
+                follow,
             )
             entry = folder.manifest.recording.model_copy(update={"sha256": digest.result()})
             folder.update(recording=entry, timings=stages.seconds)
@@ -76,9 +91,19 @@ def run(
             for number, other in enumerate(processed.others, start=1):
                 folder.write(f"tables/{number:02d}.json", other.to_json())
             lost = [w.message for w in processed.model.warnings if w.code in LOSSES]
-            folder.finish("partial" if lost else "ok", error=lost[0] if lost else None)
+            status: Literal["ok", "partial"] = "partial" if lost else "ok"
+            loss = lost[0] if lost else None
+            html = page.html(folder.manifest, status=status, error=loss)
+            folder.write("report.html", html)
+            folder.finish(status, error=loss)
         except (TablemapError, OSError) as error:
+            with suppress(OSError):
+                entry = folder.manifest.recording.model_copy(update={"sha256": digest.result()})
+                folder.update(recording=entry)
             folder.update(timings=stages.seconds)
+            with suppress(TablemapError):  # a full disk may be what the run failed of
+                html = page.html(folder.manifest, status="failed", error=str(error))
+                folder.write("report.html", html)
             folder.finish("failed", error=str(error))
             return Outcome(recording_path, folder, "failed", str(error), None)
         except KeyboardInterrupt:
@@ -87,8 +112,31 @@ def run(
         except BaseException as error:
             folder.finish("failed", error=f"{type(error).__name__}: {error}")
             raise
-    status: Literal["ok", "partial"] = "partial" if lost else "ok"
     return Outcome(recording_path, folder, status, folder.manifest.error, processed.model)
+
+
+def reprocess(
+    folder: RunFolder,
+    *,
+    output: Path | None = None,
+    overrides: Sequence[str] = (),
+    progress: Record = ignore,
+) -> Outcome:
+    """Process a run's recording again with its config and ``section.key=value`` changes.
+
+    The new run stands beside the old one unless ``output`` names another folder of runs. Raises
+    `RecordingError` where the recording is gone or no longer the one that was read, and
+    `ConfigError` for changes that cannot be.
+    """
+    manifest = folder.manifest
+    return run(
+        find_input(folder),
+        output=output or folder.path.parent.parent,
+        config=load_config(folder.path / "config.toml", overrides=overrides),
+        method="report" if manifest.method == "report" else "tablemap",
+        tables=manifest.tables,
+        progress=progress,
+    )
 
 
 def _process_reviewed(
@@ -98,22 +146,28 @@ def _process_reviewed(
     process: Callable[..., Processed],
     tables: Tables,
     stages: _Stages,
+    page: Record,
     progress: Record,
+    follow: Follow,
 ) -> Processed:
     """Open and process a recording while everything that happens is written to ``run.rrd``."""
     from tablemap.recording import open_recording
     from tablemap.review import Reviewer
 
     folder.write("config.toml", dump_config(config))
-    with Reviewer(
-        folder.path / "run.rrd",
-        run_id=folder.manifest.run_id,
-        recording_name=recording_path.stem,
-        config=config.review,
-    ) as review:
+    file = folder.path / "run.rrd"
+    with (
+        follow(file),
+        Reviewer(
+            file,
+            run_id=folder.manifest.run_id,
+            recording_name=recording_path.stem,
+            config=config.review,
+        ) as review,
+    ):
 
         def record(event: object) -> None:
-            for observe in (stages, progress, review):
+            for observe in (stages, page, progress, review):
                 observe(event)
 
         try:

@@ -41,6 +41,13 @@ class Alignment:
             message = f"{pair.kind} pair {pair.source} to {pair.target} dropped: {pair.reason}"
             stream.log_flat("log", rr.TextLog(message, level="INFO"))
 
+    def log_localised_stops(self, stream: Stream) -> None:
+        """Draw the stops where the localisation has them: of a run that came no further."""
+        stops = stream.scene.localised
+        if "registration" not in stream.scene.reached and stops:
+            stream.hold()
+            _log_stops(stream, "registration/localised_stops", stops, (True,) * len(stops))
+
     def log_stop_scan(self, stream: Stream, scan: StopScan) -> None:
         """Log a stop's combined scan where the localisation has it."""
         poses = stream.scene.localised
@@ -155,7 +162,7 @@ def _log_pairs(stream: Stream, registration: Registration) -> None:
             rr.LineStrips3D(
                 [raised(np.array(pair), PAIR_HEIGHT) for pair in ends],
                 colors=[colours.USED if used else colours.DROPPED],
-                radii=rr.Radius.ui_points(1.5 if used else 1.0),
+                radii=rr.Radius.ui_points(0.7),
                 labels=[
                     f"{p.source} to {p.target}: rmse {1000 * p.rmse:.1f} mm"
                     if used

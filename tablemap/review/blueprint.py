@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-import statistics
+from collections.abc import Mapping
 
+import numpy as np
+import rerun as rr
 import rerun.blueprint as rrb
 
+from tablemap.review import colours
 from tablemap.review.stream import FEW_STOPS, Scene
 
-ROUND = 2.15
+ROUND = 2.3
 """Distance of the eye, in multiples of what it shows, for a view of the stops round the table."""
 NEAR = 2.7
 """The same for a view of the table alone."""
@@ -17,16 +20,26 @@ ALL_OF_IT = 3.3
 """The same, so that the table is in the picture whole, with its numbers."""
 MOST_ROUND = 4.0
 EYE_ASIDE = 0.3  # radians from straight before the table: two of its sides are told apart
+MOST_ASIDE = 0.9
+
+Shown = rrb.EntityBehavior | rr.LineStrips3D | rr.Points3D
 
 
 def blueprint(scene: Scene) -> rrb.Blueprint:
     """Return the layout, its eyes placed by what is known of the scene so far.
 
-    Where no snapshot is known, there is nothing behind the overview to show.
+    A run that failed has tabs for the stages that began alone: the others have nothing to show.
     """
+    begun = {name for name, _ in scene.stages}
     tabs: list[rrb.Container] = [_overview(scene)]
-    if scene.localised:
-        tabs += [_views(scene), _registration(scene), _surface(scene), _legs(scene)]
+    for stage, tab in (
+        ("calibration", _views),
+        ("registration", _registration),
+        ("outline", _surface),
+        ("legs", _legs),
+    ):
+        if scene.localised and (stage in begun or not scene.failed):
+            tabs.append(tab(scene))
     if scene.stages:
         tabs.append(_timings())
     return rrb.Blueprint(
@@ -58,10 +71,24 @@ def _overview(scene: Scene) -> rrb.Horizontal:
             "/trajectory/localised",
         ]
     if "registration" not in scene.reached:
-        shown += ["/segmentation/points", "/laser/scan", "/robot/**", "/camera"]
+        shown += [
+            "/registration/localised_stops",
+            "/segmentation/points",
+            "/laser/scan",
+            "/robot/**",
+            "/camera",
+        ]
     reach = max(ROUND * _surround(scene), ALL_OF_IT * scene.extent)
     return rrb.Horizontal(
-        _space(scene, "Table and stops", shown, reach=reach, steepness=0.8),
+        _space(
+            scene,
+            "Table and stops",
+            shown,
+            reach=reach,
+            steepness=1.3,
+            aside=_between_stops(scene),
+            overrides=_quiet(scene),
+        ),
         rrb.Vertical(
             rrb.TextDocumentView(origin="/summary", name="Summary"),
             rrb.Spatial2DView(origin="/camera/depth", name="Depth at the snapshot"),
@@ -156,6 +183,7 @@ def _surface(scene: Scene) -> rrb.Horizontal:
             rrb.Tabs(
                 rrb.TextDocumentView(origin="/surface/summary", name="Choice"),
                 rrb.TextDocumentView(origin="/outline/summary", name="Edge counts"),
+                rrb.TextDocumentView(origin="/surface/crosscheck", name="Camera against laser"),
             ),
             rrb.Tabs(
                 rrb.Spatial2DView(
@@ -202,33 +230,85 @@ def _timings() -> rrb.Vertical:
     )
 
 
+def _middle(scene: Scene) -> tuple[float, float]:
+    """Return the place that a view of the stops round the table looks at."""
+    stops = [(pose.x, pose.y) for pose in scene.localised]
+    if scene.centre is None:
+        return tuple(np.mean(stops, axis=0).tolist()) if stops else (0.0, 0.0)
+    if not stops:
+        return scene.centre
+    away = np.array(stops) - np.array(scene.centre)
+    reach = MOST_ROUND * scene.extent
+    low = np.minimum(np.clip(away, -reach, reach).min(axis=0), -scene.extent)
+    high = np.maximum(np.clip(away, -reach, reach).max(axis=0), scene.extent)
+    middle = np.array(scene.centre) + (low + high) / 2
+    return float(middle[0]), float(middle[1])
+
+
 def _surround(scene: Scene) -> float:
-    """Return how far from the table's centre the stops are, within reason (metres)."""
-    if scene.centre is None or not scene.localised:
+    """Return how far from the middle the table and the stops reach, within reason (metres)."""
+    if not scene.localised:
         return 2 * scene.extent
-    away = [
-        math.hypot(pose.x - scene.centre[0], pose.y - scene.centre[1]) for pose in scene.localised
-    ]
-    return min(max(statistics.median(away), scene.extent), MOST_ROUND * scene.extent)
+    middle = np.array(_middle(scene))
+    away = np.linalg.norm([pose.translation - middle for pose in scene.localised], axis=1)
+    if scene.centre is None:
+        return float(max(np.median(away), 2 * scene.extent))
+    table = float(np.linalg.norm(np.array(scene.centre) - middle)) + scene.extent
+    return min(max(float(np.median(away)), table), MOST_ROUND * scene.extent)
+
+
+def _between_stops(scene: Scene) -> float:
+    """Return how far aside (radians) the eye stands, so that no stop hides the table."""
+    x, y = scene.centre or (0.0, 0.0)
+    seen = [math.atan2(pose.y - y, pose.x - x) for pose in scene.localised]
+    aside = np.linspace(EYE_ASIDE / 2, MOST_ASIDE, 40)
+    if not seen:
+        return EYE_ASIDE
+    away = (scene.yaw - math.pi / 2 + aside)[:, None] - np.array(seen)
+    gaps = np.abs((away + math.pi) % (2 * math.pi) - math.pi).min(axis=1)
+    return float(aside[np.argmax(gaps)])
+
+
+def _quiet(scene: Scene) -> dict[str, Shown]:
+    """Return what lets the model stand out: one colour for scans and clutter, thin paths."""
+    quiet: dict[str, Shown] = {
+        "/model/uncertainty": rrb.EntityBehavior(visible=False),
+        "/trajectory/registered": rr.LineStrips3D.from_fields(
+            colors=[colours.MUTED], radii=rr.Radius.ui_points(1.0)
+        ),
+    }
+    for k in range(len(scene.localised)):
+        for path, tint in (("scan", colours.WALL), ("clutter", colours.CLUTTER)):
+            quiet[f"/registration/after/{path}/{k:02d}"] = rr.Points3D.from_fields(colors=[tint])
+    return quiet
 
 
 def _space(
-    scene: Scene, name: str, contents: list[str], *, reach: float, steepness: float
+    scene: Scene,
+    name: str,
+    contents: list[str],
+    *,
+    reach: float,
+    steepness: float,
+    aside: float = 0.0,
+    overrides: Mapping[rr.datatypes.EntityPath | str, Shown] | None = None,
 ) -> rrb.Spatial3DView:
     """Return a 3D view that looks at the table from ``reach`` metres away, its length across.
 
-    ``steepness`` is how far the eye rises for each metre that it stands back.
+    ``steepness`` is how far the eye rises for each metre that it stands back, ``aside`` how far
+    (radians) it stands from straight before the table.
     """
     frame = scene.names.fixed if scene.names else "map"
-    x, y = scene.centre or (0.0, 0.0)
+    x, y = _middle(scene) if reach >= ROUND * _surround(scene) else scene.centre or (0.0, 0.0)
     back = reach / math.hypot(1.0, steepness)
     target = (x, y, 0.8 * scene.height)
-    aside = scene.yaw - math.pi / 2 + EYE_ASIDE / max(steepness, 1.0) ** 2
-    eye = (x + back * math.cos(aside), y + back * math.sin(aside), target[2] + steepness * back)
+    heading = scene.yaw - math.pi / 2 + (aside or EYE_ASIDE / max(steepness, 1.0) ** 2)
+    eye = (x + back * math.cos(heading), y + back * math.sin(heading), target[2] + steepness * back)
     return rrb.Spatial3DView(
         name=name,
         origin="/",
         contents=contents,
+        overrides=overrides,
         spatial_information=rrb.SpatialInformation(target_frame=frame),
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital, position=eye, look_target=target, eye_up=(0.0, 0.0, 1.0)

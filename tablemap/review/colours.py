@@ -41,7 +41,9 @@ USED: Colour = (90, 215, 120)
 DROPPED: Colour = (240, 80, 80)
 MUTED: Colour = (120, 120, 130)
 WOOD: Colour = (196, 152, 98)
-INK: Colour = (235, 235, 240)
+INK: Colour = (150, 150, 160)
+WALL: Colour = (110, 150, 215)
+CLUTTER: Colour = (225, 90, 170)
 
 
 def of_stop(index: int) -> Colour:

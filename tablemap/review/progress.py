@@ -68,6 +68,7 @@ def _log_bars(stream: Stream, stages: list[tuple[str, float]]) -> None:
 
 def log_failure(stream: Stream, failed: RunFailed) -> None:
     """Say in the summary and in the log that the run has no model, and why."""
+    stream.scene.failed = True
     stream.hold()
     stream.text("summary", text.failure(failed.stage, failed.message))
     stream.log_flat("log", rr.TextLog(f"{failed.stage}: {failed.message}", level="ERROR"))

@@ -9,6 +9,7 @@ from typing import Any, Self
 
 from tablemap.calibration import Calibration
 from tablemap.config import ReviewConfig
+from tablemap.crosscheck import CrossCheck
 from tablemap.errors import ProcessWarning, TablemapError
 from tablemap.legs import Legs
 from tablemap.model import TableModel
@@ -20,6 +21,7 @@ from tablemap.registration import Pair, PairIteration, Registration, StopScan
 from tablemap.review import progress, sensors, supports, text
 from tablemap.review.alignment import Alignment
 from tablemap.review.blueprint import blueprint
+from tablemap.review.crosscheck import log_cross_check
 from tablemap.review.motion import Motion
 from tablemap.review.perception import Perception
 from tablemap.review.solid import log_model, log_other_table
@@ -51,11 +53,15 @@ class Reviewer:
             top.take_poses(registration.map_from_base)
             alignment.log_registration(stream, registration)
 
+        def draw_failure(stream: Stream, failed: RunFailed) -> None:
+            alignment.log_localised_stops(stream)
+            progress.log_failure(stream, failed)
+
         self.places: dict[type, Draw] = {
             Recording: sensors.log_recording,
             StageStarted: progress.log_started,
             StageFinished: progress.log_finished,
-            RunFailed: progress.log_failure,
+            RunFailed: draw_failure,
             ProcessWarning: progress.log_warning,
             Snapshots: sensors.log_snapshots,
             SetAside: sensors.log_set_aside,
@@ -69,6 +75,7 @@ class Reviewer:
             Registration: draw_registration,
             Outline: top.log_outline,
             Surface: top.log_surface,
+            CrossCheck: log_cross_check,
             Legs: supports.log_legs,
             TableModel: log_model,
             OtherTable: log_other_table,

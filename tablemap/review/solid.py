@@ -15,7 +15,8 @@ from tablemap.review.clouds import raised
 from tablemap.review.stream import Stream
 
 DRAWN_THICKNESS = 0.03
-DIMENSION_OFFSET = 0.10
+DIMENSION_OFFSET = 0.18
+TICK = 0.04  # extension lines pass the dimension lines by so much
 MAGNIFICATIONS = (50.0, 20.0, 10.0, 5.0, 2.0, 1.0)
 MOST_DRAWN = 0.2  # of the table's reach: an interval is magnified up to here
 TWO_SIDED_95 = 1.96
@@ -150,11 +151,14 @@ def _log_dimensions(stream: Stream, model: TableModel, outline: Floats, top: flo
         lines.append(np.column_stack([ends, [top, top]]))
         labels.append(f"{name} {_written(figure)}")
         tints.append(colours.STATUS[figure.status])
+    extensions = _extensions(lines, outline, top)
     if not lines and len(model.surface.edges) <= MOST_LABELLED_EDGES:
+        polygon = shapely.Polygon(outline)
         for edge in model.surface.edges:
             side = np.array(edge.points, dtype=np.float64)
             reach = float(np.linalg.norm(np.diff(side, axis=0), axis=1).sum())
-            lines.append(np.column_stack([side, np.full(len(side), top + 0.01)]))
+            beside = _beside(side, polygon)
+            lines.append(np.column_stack([beside, np.full(len(side), top)]))
             labels.append(f"{reach:.3f} m")
             tints.append(colours.STATUS[edge.status])
     foot = _lowest_corner(model, outline)
@@ -167,6 +171,32 @@ def _log_dimensions(stream: Stream, model: TableModel, outline: Floats, top: flo
             lines, labels=labels, colors=tints, radii=rr.Radius.ui_points(2.0), show_labels=True
         ),
     )
+    if extensions:
+        stream.log(
+            "model/dimensions/extensions",
+            rr.LineStrips3D(extensions, colors=[colours.MUTED], radii=rr.Radius.ui_points(0.8)),
+        )
+
+
+def _extensions(lines: list[Floats], outline: Floats, top: float) -> list[Floats]:
+    """Return the thin lines from the outline's nearest corners past the dimension lines' ends."""
+    extensions = []
+    for end in (end for line in lines for end in line[:, :2]):
+        corner = outline[np.argmin(np.linalg.norm(outline - end, axis=1))]
+        away = float(np.linalg.norm(end - corner))
+        if away > TICK:
+            past = end + TICK * (end - corner) / away
+            extensions.append(np.column_stack([[corner, past], [top, top]]))
+    return extensions
+
+
+def _beside(side: Floats, polygon: shapely.Polygon) -> Floats:
+    """Return a side (n, 2) moved a third of the dimension lines' distance out of the polygon."""
+    along = side[-1] - side[0]
+    out = np.array([along[1], -along[0]]) / max(float(np.linalg.norm(along)), 1e-9)
+    if polygon.contains(shapely.Point(side.mean(axis=0) + 0.01 * out)):
+        out = -out
+    return np.asarray(side + out * DIMENSION_OFFSET / 3)
 
 
 def _written(figure: Figure) -> str:
@@ -176,9 +206,9 @@ def _written(figure: Figure) -> str:
 
 
 def _lowest_corner(model: TableModel, outline: Floats) -> Floats:
-    """Return where the height is drawn: beside the outline's corner that ends its length."""
+    """Return where the height is drawn: beside the outline's corner where its length begins."""
     centre = np.array([model.surface.pose.x, model.surface.pose.y])
-    towards = Pose2(0, 0, model.surface.pose.yaw).rotate(np.array([1.0, -1.0]))
+    towards = Pose2(0, 0, model.surface.pose.yaw).rotate(np.array([-1.0, -1.0]))
     corner = outline[np.argmax((outline - centre) @ towards)]
     away = corner - centre
     return np.asarray(corner + DIMENSION_OFFSET * away / max(float(np.linalg.norm(away)), 1e-9))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import os
 import signal
-import socket
 import subprocess
 import time
 from collections.abc import Iterator
@@ -13,10 +13,17 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import PIL.Image
 from rerun.experimental import ViewerClient
 
 from tablemap.errors import ExternalToolError, TablemapError
-from tablemap.review.viewer import LOOPBACK, review_file, viewer_environment, viewer_program
+from tablemap.review.viewer import (
+    LOOPBACK,
+    free_port,
+    viewer_environment,
+    viewer_program,
+    whole,
+)
 
 TABS = ("Overview", "Views", "Registration", "Surface", "Legs", "Timings")
 LOAD_SECONDS = 90.0
@@ -33,7 +40,7 @@ def still(
     viewer is missing or cannot draw (it needs a Vulkan driver, such as Debian's
     ``mesa-vulkan-drivers``), and `TablemapError` for an unknown tab or a missing file.
     """
-    with _headless(review_file(path), size) as client:
+    with whole(path) as file, _headless(file, size) as client:
         _show_tab(client, tab)
         _show_last_snapshot(client)
         previous = b""
@@ -44,16 +51,23 @@ def still(
                 break
             previous = digest
             time.sleep(0.4)
-        out.write_bytes(picture)
+        out.write_bytes(_smaller(picture))
         views = client.get_state().views
     return [f"{view.name}: {report.summary}" for view in views for report in view.reports]
 
 
+def _smaller(picture: bytes) -> bytes:
+    """Return a PNG in 256 colours: a third of the size, and hardly to be told apart."""
+    with PIL.Image.open(io.BytesIO(picture)) as image:
+        few = image.convert("RGB").quantize(256, dither=PIL.Image.Dither.NONE)
+        buffer = io.BytesIO()
+        few.save(buffer, format="PNG", optimize=True)
+    return buffer.getvalue()
+
+
 @contextmanager
 def _headless(file: Path, size: tuple[int, int]) -> Iterator[ViewerClient]:
-    with socket.socket() as probe:
-        probe.bind((LOOPBACK, 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     environment = {"XDG_RUNTIME_DIR": "/tmp", **viewer_environment()}
     command = [str(viewer_program()), "--headless", "--window-size", f"{size[0]}x{size[1]}"]
     command += ["--bind", LOOPBACK, "--port", str(port), "--hide-welcome-screen", str(file)]

@@ -13,8 +13,8 @@ from tablemap.config import ReviewConfig
 from tablemap.errors import TablemapError
 from tablemap.geometry import Floats, Pose2
 from tablemap.recording import FrameNames, Recording
+from tablemap.review.schema import SCHEMA, described
 
-SCHEMA = "tablemap/review/1"
 FLUSH_SECONDS = 60
 HEAVY = (rr.Points3D, rr.EncodedDepthImage, rr.EncodedImage, rr.SegmentationImage)
 HEAVY_BETWEEN_FLUSHES = 10
@@ -49,6 +49,7 @@ class Scene:
     stages: list[tuple[str, float | None]] = field(default_factory=list)
     reached: set[str] = field(default_factory=set)
     warnings_seen: int = 0
+    failed: bool = False
 
 
 class Stream:
@@ -72,7 +73,9 @@ class Stream:
         except Exception as error:
             raise TablemapError(f"the review file cannot be opened ({error}): {path}") from error
         self.rec.send_recording_name(recording_name)
-        self.rec.send_property("review", rr.AnyValues(schema=SCHEMA, level=config.level))
+        self.rec.send_property(
+            "review", rr.AnyValues(schema=SCHEMA, level=config.level, entities=described())
+        )
         self.rec.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         self.flush()
         if not path.is_file():

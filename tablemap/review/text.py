@@ -9,7 +9,7 @@ import numpy as np
 
 from tablemap.calibration import Calibration
 from tablemap.legs import Legs
-from tablemap.model import Dimension, Figure, TableModel
+from tablemap.model import Dimension, Edge, Figure, TableModel
 from tablemap.odometry import Odometry
 from tablemap.outline import EdgeKind, Outline
 from tablemap.registration import Pair, Registration
@@ -17,7 +17,14 @@ from tablemap.segmentation import Segmentation
 from tablemap.surface import Surface
 
 MOST_ROWS = 60
+MOST_SIDES = 12
 ANGLES = {"angle"}
+LEAST_WEIGHT = 0.005
+LEGEND = (
+    "Edge points: green the table's, orange where something stood before or on it, violet where "
+    "depth was missing. Sides: green measured, amber inferred, red unseen; beside them their 95 % "
+    "bands, magnified."
+)
 
 
 def table(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:
@@ -51,6 +58,9 @@ def model(result: TableModel, *, magnified: tuple[float, float]) -> str:
         (name, _figure(name, one.value, one.sigma), one.status)
         for name, one in surface.dimensions.items()
     ]
+    if not rows and len(surface.edges) <= MOST_SIDES:
+        lengths = ", ".join(f"{_reach(edge):.3f}" for edge in surface.edges)
+        rows.append(("sides", f"{lengths} m", ""))
     rows.append(("height", metres(surface.height.value, surface.height.sigma), ""))
     rows.append(_optional("thickness", surface.thickness))
     if surface.corner_radius is not None:
@@ -67,8 +77,12 @@ def model(result: TableModel, *, magnified: tuple[float, float]) -> str:
         f"y {metres(pose.y, float(deviations[1]))}, "
         f"yaw {np.degrees(pose.yaw):.2f} ± {np.degrees(float(deviations[2])):.2f}°",
         "",
-        f"**Shape weight** {surface.score:.3f}"
-        + "".join(f"; {other.shape} {other.score:.3f}" for other in surface.alternatives),
+        f"**Shape** {surface.shape} {surface.score:.2f}"
+        + "".join(
+            f", {other.shape} {other.score:.2f}"
+            for other in surface.alternatives
+            if other.score >= LEAST_WEIGHT
+        ),
         "",
         f"## {len(result.legs)} legs",
     ]
@@ -110,6 +124,11 @@ def model(result: TableModel, *, magnified: tuple[float, float]) -> str:
     if surface.thickness is None:
         lines.append("The thickness was not measured; the top is drawn 30 mm thick.")
     return "\n".join(lines)
+
+
+def _reach(edge: Edge) -> float:
+    """Return a side's length in metres."""
+    return float(np.linalg.norm(np.diff(np.array(edge.points), axis=0), axis=1).sum())
 
 
 def _optional(name: str, figure: Figure | None) -> tuple[object, ...]:
@@ -161,7 +180,6 @@ def segmentation(result: Segmentation) -> str:
             f"{one.area:.2f}",
             len(one.views),
             f"{one.weight:.2f}",
-            one.reason or "",
         )
         for k, one in enumerate(result.candidates[:MOST_ROWS])
     ]
@@ -178,7 +196,13 @@ def segmentation(result: Segmentation) -> str:
     return "\n".join(
         [
             f"## Top at {metres(result.height, result.height_sigma)}",
-            table(("table", "x, y", "height", "m²", "views", "weight", "reason"), candidates),
+            table(("table", "x, y", "height", "m²", "views", "weight"), candidates),
+            "",
+            *[
+                f"- table {k} was not taken: {one.reason}"
+                for k, one in enumerate(result.candidates[:MOST_ROWS])
+                if one.reason
+            ],
             "",
             table(("view", "sees it", "top pixels", "height", "reason"), views),
         ]
@@ -226,7 +250,7 @@ def registration(result: Registration) -> str:
             f"{one.fitness:.2f}",
             f"{1000 * one.rmse:.1f}",
             one.inliers,
-            "used" if one.used else f"dropped: {one.reason}",
+            "used" if one.used else "dropped",
         )
         for one in ordered[:MOST_ROWS]
     ]
@@ -237,12 +261,18 @@ def registration(result: Registration) -> str:
     return "\n".join(
         [
             f"## Stops registered by {result.source}",
-            f"{sum(result.used)} of {len(result.used)} used; systematic error up to "
+            f"{sum(result.used)} of {len(result.used)} used; systematic sigma "
             f"{1000 * result.systematic:.1f} mm. Pairs: {said or 'none'}.",
             "",
             table(
                 ("pair", "kind", "residual mm", "fitness", "rmse mm", "inliers", "result"), pairs
             ),
+            "",
+            *[
+                f"- {one.source} to {one.target} was dropped: {one.reason}"
+                for one in ordered[:MOST_ROWS]
+                if not one.used
+            ],
             "",
             table(("stop", "check", "statistics", "reasons"), checks),
         ]
@@ -262,7 +292,7 @@ def outline(result: Outline) -> str:
     return "\n".join(
         [
             f"## Edges at {metres(result.height, result.height_sigma)}",
-            f"Thickness {thickness}.",
+            f"Thickness {thickness}. {LEGEND}",
             "",
             table(header, rows),
         ]
@@ -301,6 +331,8 @@ def surface(result: Surface) -> str:
             f"Residuals of {len(finite)} edge points: half are within {median:.1f} mm, "
             f"95 % within {most:.1f} mm.",
             "",
+            LEGEND,
+            "",
             table(("shape", "weight", "cost", "inliers", "dimensions"), candidates),
             "",
             table(("side", "status", "seen", "sigma"), sides),
@@ -322,16 +354,16 @@ def legs(result: Legs) -> str:
         for k, one in enumerate(result.legs)
     ]
     rejected = [
-        (f"{one.x:.2f}, {one.y:.2f}", len(one.points), one.reason)
+        f"- at {one.x:.2f}, {one.y:.2f} ({len(one.points)} points): {one.reason}"
         for one in result.rejected[:MOST_ROWS]
     ]
     return "\n".join(
         [
             f"## {len(result.legs)} legs",
-            table(("leg", "x, y", "sigma", "size", "status", "views"), found),
+            table(("leg", "x, y", "sigma", "size", "status", "views"), found) if found else "",
             "",
             f"## {len(result.rejected)} clusters set aside",
-            table(("x, y", "points", "reason"), rejected),
+            *rejected,
         ]
     )
 

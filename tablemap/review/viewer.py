@@ -4,14 +4,24 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import socket
 import subprocess
 import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import quote
 
 from tablemap.errors import ExternalToolError, TablemapError
 
 LOOPBACK = "127.0.0.1"
 START_SECONDS = 2.0
+SERVE_SECONDS = 20.0
+MAGIC = b"RRF"
+FOOTER = b"RRF2FOOT"
+FOOTER_TAIL = 64  # bytes at the end of a whole file in which its mark stands
 
 
 def viewer_environment() -> dict[str, str]:
@@ -35,23 +45,126 @@ def viewer_program() -> Path:
 
 
 def review_file(path: Path) -> Path:
-    """Return the .rrd of a run folder, or the file itself.
+    """Return the .rrd of a run folder, of a recording's last run, or the file itself.
 
-    Raises `TablemapError` where there is none.
+    A recording's last run is ``latest``; where none left a model, the one that began last. Raises
+    `TablemapError` where there is none.
     """
-    file = path / "run.rrd" if path.is_dir() else path
-    if not file.is_file():
+    if not path.is_dir():
+        candidates = [path]
+    else:
+        candidates = [path / "run.rrd", path / "latest" / "run.rrd"]
+        candidates += sorted(path.glob("*/run.rrd"), reverse=True)
+    file = next((one for one in candidates if one.is_file()), None)
+    if file is None:
         raise TablemapError(f"expected a run folder or an .rrd, found neither: {path}")
     return file
+
+
+def is_whole(file: Path) -> bool:
+    """Return whether an .rrd has its footer: a run that was killed, or goes on, wrote none."""
+    with file.open("rb") as stream:
+        stream.seek(max(file.stat().st_size - FOOTER_TAIL, 0))
+        return FOOTER in stream.read()
+
+
+def mended(file: Path, folder: Path) -> Path:
+    """Return a whole .rrd: the file itself, or a copy in ``folder`` with what a cut one still has.
+
+    The file is not touched. Raises `ExternalToolError` where it is no .rrd, or holds nothing.
+    """
+    if is_whole(file):
+        return file
+    with file.open("rb") as stream:
+        if stream.read(len(MAGIC)) != MAGIC:
+            raise ExternalToolError(f"expected an .rrd, found something else: {file}")
+    copy = folder / file.name
+    done = subprocess.run(
+        [str(viewer_program()), "rrd", "optimize", str(file), "-o", str(copy)],
+        env=viewer_environment(),
+        capture_output=True,
+        text=True,
+        errors="replace",
+        check=False,
+    )
+    if done.returncode != 0 or not copy.is_file():
+        raise ExternalToolError(f"nothing can be read from this file, which was cut short: {file}")
+    return copy
+
+
+@contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """Give a whole .rrd of a run for as long as the context lasts; see `mended`."""
+    with tempfile.TemporaryDirectory(prefix="tablemap-") as folder:
+        yield mended(review_file(path), Path(folder))
+
+
+def free_port() -> int:
+    """Return a port of this machine that nothing listens on."""
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        return int(probe.getsockname()[1])
+
+
+def listens(port: int) -> bool:
+    """Return whether something on this machine answers at the port."""
+    try:
+        socket.create_connection((LOOPBACK, port), timeout=0.5).close()
+    except OSError:
+        return False
+    return True
+
+
+def stop(process: subprocess.Popen[bytes]) -> None:
+    """End a program of ours, and wait until it has ended."""
+    if process.poll() is None:
+        process.terminate()
+        try:
+            process.wait(5)
+        except subprocess.TimeoutExpired:
+            process.kill()
+    process.wait()
+
+
+@contextmanager
+def served(path: Path) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
+    """Serve a run to web browsers of this machine; gives the URL and the server's process.
+
+    Raises as `open_viewer` does.
+    """
+    with whole(path) as file:
+        data, page = free_port(), free_port()
+        command = [str(viewer_program()), "--serve-web", "--bind", LOOPBACK, "--port", str(data)]
+        command += ["--web-viewer-port", str(page), str(file)]
+        server = subprocess.Popen(
+            command,
+            env=viewer_environment(),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        try:
+            deadline = time.monotonic() + SERVE_SECONDS
+            while not (listens(data) and listens(page)):
+                if server.poll() is not None or time.monotonic() > deadline:
+                    raise ExternalToolError(f"the Rerun Viewer cannot serve the file: {file}")
+                time.sleep(0.05)
+            source = quote(f"rerun+http://{LOOPBACK}:{data}/proxy", safe="")
+            yield f"http://{LOOPBACK}:{page}?url={source}", server
+        finally:
+            stop(server)
 
 
 def open_viewer(path: Path) -> subprocess.Popen[bytes]:
     """Open a run folder's .rrd in the native viewer, and return its process.
 
     Raises `ExternalToolError` where the viewer is missing or ends at once (no screen, no graphics
-    driver), and `TablemapError` where there is no .rrd.
+    driver), and `TablemapError` where there is no .rrd. A file that was cut short is shown as a
+    mended copy, which stays in the system's temporary folder for as long as the viewer may need it.
     """
     file = review_file(path)
+    if not is_whole(file):
+        file = mended(file, Path(tempfile.mkdtemp(prefix="tablemap-")))
     command = [str(viewer_program()), "--bind", LOOPBACK, "--port", "auto", str(file)]
     try:
         viewer = subprocess.Popen(

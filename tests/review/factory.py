@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tablemap import model as m
 from tablemap.calibration import Calibration
+from tablemap.crosscheck import CrossCheck
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats, Pose2
 from tablemap.legs import Leg, Legs, RejectedCluster
@@ -254,7 +255,7 @@ def results(*, stops: int = 8, seed: int = 1) -> list[object]:
         _odometry(recording, poses),
         _registration(recording, poses, rng),
         [_outline(poses, rng)],
-        [_surface(poses, rng)],
+        [_surface(poses, rng), _cross_check()],
         [_legs(rng)],
     ]
     run: list[object] = [recording]
@@ -543,6 +544,20 @@ def _surface(poses: tuple[Pose2, ...], rng: np.random.Generator) -> Surface:
 def leg_places() -> Floats:
     """Four places under the top's corners."""
     return TABLE.apply(np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * np.array([0.52, 0.32]))
+
+
+def _cross_check() -> CrossCheck:
+    offset = np.array([0.004, -0.001, 0.002])
+    return filled(
+        CrossCheck,
+        offset,
+        np.diag([1e-6, 1e-6, 1e-6]),
+        offset[:2],
+        np.full(2, 0.001),
+        0.002,
+        900,
+        7,
+    )
 
 
 def _legs(rng: np.random.Generator) -> Legs:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,11 +13,12 @@ from rerun.chunk import RrdReader
 
 from tablemap.config import ReviewConfig
 from tablemap.errors import TablemapError
-from tablemap.record import RunFailed, StageFinished
+from tablemap.record import RunFailed
 from tablemap.recording.messages import CompressedImage, Image
 from tablemap.registration import Registration
 from tablemap.review import Reviewer
 from tablemap.review.images import colour_archetype, depth_archetype, encode_depth
+from tablemap.review.schema import ENTITIES, SCHEMA, TIMELINES
 from tablemap.segmentation import Segmentation
 from tablemap.surface import Surface
 from tests.review import factory
@@ -122,6 +121,39 @@ def test_the_story_is_complete(review: Path) -> None:
         assert found.get(path, 0) > 0, f"nothing logged at {path}"
 
 
+def pattern(path: str) -> re.Pattern[str]:
+    """The entities that a path of the schema stands for."""
+    parts = {"NN": r"\d+", "*": "[^/]+", "**": ".+"}
+    return re.compile("/".join(parts.get(one, re.escape(one)) for one in path.split("/")))
+
+
+def test_the_schema_has_every_entity(review: Path) -> None:
+    """What is logged is described, and what is described is logged; the file says so itself."""
+    found = [path for path in rows(review) if not path.startswith("/__properties")]
+    unsaid = [p for p in found if not any(pattern(one).fullmatch(p) for one in ENTITIES)]
+    assert unsaid == []
+    elsewhere = {"/other_tables/NN/**"}  # a made-up run has one table
+    unmet = [
+        one
+        for one in ENTITIES
+        if one not in elsewhere and not any(pattern(one).fullmatch(p) for p in found)
+    ]
+    assert unmet == []
+    properties = [
+        chunk.to_record_batch().to_pydict()
+        for chunk in RrdReader(review).stream()
+        if chunk.entity_path == "/__properties/review"
+    ]
+    assert any([SCHEMA] in one.get("schema", []) for one in properties)
+    assert any("/camera/depth: Enc" in str(one.get("entities")) for one in properties)
+
+
+def test_the_schema_has_every_timeline(review: Path) -> None:
+    """And no other is used."""
+    used = {name for chunk in RrdReader(review).stream() for name in chunk.timeline_names}
+    assert used == set(TIMELINES)
+
+
 def test_images_are_there_once_a_snapshot(review: Path) -> None:
     """One depth image, one colour image and one label image for every stop."""
     frame = 1  # an entity in space has one static row that names its frame
@@ -216,26 +248,6 @@ def test_a_full_disk_is_said(run: list[object], tmp_path: Path) -> None:
     ):
         for one in run:
             record(one)
-
-
-def _write_and_die(path: Path) -> None:
-    record = Reviewer(path, run_id="killed", recording_name="made up", config=ReviewConfig())
-    for one in factory.results(stops=4):
-        record(one)
-        if isinstance(one, StageFinished) and one.name == "segmentation":
-            os.kill(os.getpid(), signal.SIGKILL)
-
-
-def test_a_killed_run_keeps_its_stages(tmp_path: Path) -> None:
-    """After a kill, what the finished stages logged can be read."""
-    path = tmp_path / "killed.rrd"
-    writer = multiprocessing.get_context("spawn").Process(target=_write_and_die, args=(path,))
-    writer.start()
-    writer.join(60)
-    assert writer.exitcode == -signal.SIGKILL
-    found = rows(path)
-    assert found["/segmentation/labels"] == 4
-    assert "/model/top" not in found
 
 
 def test_recorded_png_is_passed_through() -> None:

@@ -1,0 +1,34 @@
+"""How the comparison of camera and laser looks in Rerun."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tablemap.crosscheck import CrossCheck
+from tablemap.review.stream import Stream
+
+
+def log_cross_check(stream: Stream, result: CrossCheck) -> None:
+    """Write what the edges say of the camera's mounting."""
+    stream.text("surface/crosscheck", summary(result))
+
+
+def summary(result: CrossCheck) -> str:
+    """Return the offset with its sigmas, or that the views cannot tell."""
+    title = "## Camera against laser"
+    compared = f"{result.points} edge points of {result.views} views were compared."
+    if result.offset is None or result.covariance is None or result.at_table is None:
+        return f"{title}\n{compared} They cannot tell whether the two disagree."
+    x, y, yaw = result.offset
+    sigma = np.sqrt(np.diag(result.covariance))
+    return "\n".join(
+        [
+            title,
+            f"{compared} They put the camera {1e3 * x:.1f} mm (sigma {1e3 * sigma[0]:.1f}) "
+            f"forward, {1e3 * y:.1f} mm (sigma {1e3 * sigma[1]:.1f}) left and "
+            f"{np.degrees(yaw):.2f} degrees (sigma {np.degrees(sigma[2]):.2f}) turned from where "
+            f"TF has it: at the table {1e3 * result.at_table[0]:.1f} mm forward and "
+            f"{1e3 * result.at_table[1]:.1f} mm left.",
+            *[warning.message for warning in result.warnings],
+        ]
+    )

@@ -1,0 +1,32 @@
+"""Two models in one .rrd: the first with its figures, the second muted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tablemap.config import ReviewConfig
+from tablemap.model import TableModel
+from tablemap.record import OtherTable
+from tablemap.review.blueprint import blueprint
+from tablemap.review.solid import log_model, log_other_table
+from tablemap.review.stream import Stream
+
+
+def write_overlay(
+    file: Path, a: TableModel, b: TableModel, *, names: tuple[str, str], name: str
+) -> None:
+    """Write both models, in the map, into ``file``; it appears once it is whole.
+
+    Raises `TablemapError` where it cannot be written.
+    """
+    part = file.with_name(f".{file.name}.part")
+    try:
+        stream = Stream(part, run_id=name, recording_name=name, config=ReviewConfig())
+        log_model(stream, a)
+        log_other_table(stream, OtherTable(1, b))
+        stream.text("compared", f"**solid:** {names[0]}\n\n**muted:** {names[1]}")
+        stream.rec.send_blueprint(blueprint(stream.scene))
+        stream.close()
+        part.replace(file)
+    finally:
+        part.unlink(missing_ok=True)

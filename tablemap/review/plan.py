@@ -1,0 +1,179 @@
+"""A table from above as SVG: sides by status, dimensions with sigmas, legs, stops round it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from html import escape
+
+import numpy as np
+
+from tablemap.geometry import Floats, Pose2
+from tablemap.model import Figure, TableLeg, TableModel
+
+STATUS = {
+    "measured": ("#1b7a36", "none"),
+    "inferred": ("#a86400", "9 5"),
+    "unseen": ("#b3261e", "2 5"),
+}
+WIDTH = 760.0  # pixels
+MARGIN = 0.30  # metres round what is drawn
+MOST_AWAY = 3.0  # of the table's reach: stops farther off are left out of the drawing
+LEG_WITHOUT_SIZE = 0.04
+MOST_LABELLED_SIDES = 12
+HEADING = 0.22  # metres
+LABEL = 15.0  # pixels
+
+Pixels = Callable[[Floats], Floats]
+
+
+def plan(model: TableModel) -> str:
+    """Return the SVG in the table's own frame: its length to the right."""
+    surface = model.surface
+    pose = Pose2(surface.pose.x, surface.pose.y, surface.pose.yaw)
+    outline = _local(pose, surface.outline)
+    if len(outline) < 3:
+        return "<p>There is no outline to draw.</p>"
+    reach = float(np.linalg.norm(outline, axis=1).max())
+    stops = {
+        k: pose.inverse() @ Pose2(s.map_from_base.x, s.map_from_base.y, s.map_from_base.yaw)
+        for k, s in enumerate(model.snapshots)
+    }
+    near = {k: s for k, s in stops.items() if np.hypot(s.x, s.y) <= MOST_AWAY * reach}
+    drawn = np.concatenate([outline, *[s.translation[None] for s in near.values()]])
+    low, high = drawn.min(axis=0) - MARGIN, drawn.max(axis=0) + MARGIN
+    scale = WIDTH / float((high - low)[0])
+    height = float((high - low)[1]) * scale
+
+    def pixels(points: Floats) -> Floats:
+        return np.asarray((points - [low[0], high[1]]) * [scale, -scale])
+
+    parts = [f'<polygon points="{_points(pixels(outline))}" fill="#f0e4d2"/>']
+    for k, leg in enumerate(model.legs):
+        parts.append(_leg(leg, k, pose, pixels, scale))
+    sides = []
+    for edge in surface.edges:
+        colour, dash = STATUS[edge.status]
+        side = _local(pose, edge.points)
+        parts.append(
+            f'<polyline points="{_points(pixels(side))}" fill="none" stroke="{colour}" '
+            f'stroke-width="3" stroke-dasharray="{dash}"><title>{edge.status}</title></polyline>'
+        )
+        sides.append(side)
+    parts += _labels(model, sides, outline, pixels)
+    for k, stop in near.items():
+        parts.append(_stop(k, stop, pixels, used=model.snapshots[k].used))
+    parts.append(_axes(pose, scale, height, model.frame))
+    left_out = len(stops) - len(near)
+    note = f" {left_out} stops farther off are not drawn." if left_out else ""
+    return (
+        f'<svg viewBox="0 0 {WIDTH:.0f} {height:.1f}" width="{WIDTH:.0f}" '
+        f'height="{height:.0f}" font-family="sans-serif" font-size="13" role="img">'
+        "<title>The table from above</title>" + "".join(parts) + "</svg>"
+        '<p class="muted">Sides: <span class="measured">measured</span>, '
+        '<span class="inferred">inferred (dashed)</span>, '
+        '<span class="unseen">unseen (dotted)</span>. '
+        f"Circles with a line: the stops and their headings, grey where not used.{note}</p>"
+    )
+
+
+def _local(pose: Pose2, points: object) -> Floats:
+    return pose.inverse().apply(np.array(points, dtype=np.float64).reshape(-1, 2))
+
+
+def _points(points: Floats) -> str:
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+
+
+def _text(place: Floats, text: str, colour: str = "#1c1c20") -> str:
+    return (
+        f'<text x="{place[0]:.1f}" y="{place[1]:.1f}" text-anchor="middle" '
+        f'dominant-baseline="middle" fill="{colour}" stroke="white" stroke-width="4" '
+        f'paint-order="stroke">{escape(text)}</text>'
+    )
+
+
+def _written(name: str, figure: Figure) -> str:
+    spread = "" if figure.sigma is None else f" ± {1000 * figure.sigma:.1f} mm"
+    return f"{name} {figure.value:.3f} m{spread}"
+
+
+def _labels(model: TableModel, sides: list[Floats], outline: Floats, pixels: Pixels) -> list[str]:
+    """Write the dimensions where they are; a polygon has its sides' lengths instead."""
+    dimensions = model.surface.dimensions
+    low, high = pixels(outline).min(axis=0), pixels(outline).max(axis=0)
+    middle = (low + high) / 2
+    places = {
+        "length": np.array([middle[0], high[1] + LABEL]),
+        "side": np.array([middle[0], high[1] + LABEL]),
+        "width": np.array([high[0] + LABEL, middle[1]]),
+        "diameter": middle,
+        "major": middle,
+        "minor": middle + np.array([0.0, 1.5 * LABEL]),
+    }
+    parts = []
+    for name, place in places.items():
+        if name in dimensions:
+            text = _text(
+                place, _written(name, dimensions[name]), STATUS[dimensions[name].status][0]
+            )
+            turn = f' transform="rotate(-90 {place[0]:.1f} {place[1]:.1f})"'
+            parts.append(text.replace("<text", f"<text{turn}", 1) if name == "width" else text)
+    if not parts and len(sides) <= MOST_LABELLED_SIDES:
+        for side, edge in zip(sides, model.surface.edges, strict=True):
+            reach = float(np.linalg.norm(np.diff(side, axis=0), axis=1).sum())
+            place = pixels(side).mean(axis=0)
+            parts.append(_text(place, f"{reach:.3f} m", STATUS[edge.status][0]))
+    return parts
+
+
+def _leg(leg: TableLeg, number: int, pose: Pose2, pixels: Pixels, scale: float) -> str:
+    local = pose.inverse() @ Pose2(leg.x, leg.y, leg.yaw)
+    sizes = {name: figure.value for name, figure in leg.dimensions.items()}
+    colour, dash = STATUS[leg.status]
+    style = (
+        f'fill="#8a6a48" fill-opacity="0.5" stroke="{colour}" stroke-width="1.5" '
+        f'stroke-dasharray="{dash}"'
+    )
+    centre = pixels(local.translation)
+    title = f"<title>leg {number}: {leg.shape}, {leg.status}</title>"
+    if leg.shape == "circle":
+        radius = sizes.get("diameter", LEG_WITHOUT_SIZE) / 2 * scale
+        return (
+            f'<circle cx="{centre[0]:.1f}" cy="{centre[1]:.1f}" r="{radius:.1f}" {style}>'
+            f"{title}</circle>"
+        )
+    along = sizes.get("length", LEG_WITHOUT_SIZE)
+    half = np.array([along, sizes.get("width", along)]) / 2
+    corners = local.apply(half * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]))
+    return f'<polygon points="{_points(pixels(corners))}" {style}>{title}</polygon>'
+
+
+def _stop(number: int, stop: Pose2, pixels: Pixels, *, used: bool) -> str:
+    colour = "#2f5fa8" if used else "#aaaaaa"
+    centre, ahead = pixels(stop.apply(np.array([[0.0, 0.0], [HEADING, 0.0]])))
+    return (
+        f'<line x1="{centre[0]:.1f}" y1="{centre[1]:.1f}" x2="{ahead[0]:.1f}" '
+        f'y2="{ahead[1]:.1f}" stroke="{colour}" stroke-width="2"/>'
+        f'<circle cx="{centre[0]:.1f}" cy="{centre[1]:.1f}" r="9" fill="{colour}"/>'
+        f'<text x="{centre[0]:.1f}" y="{centre[1]:.1f}" text-anchor="middle" '
+        f'dominant-baseline="central" font-size="10" fill="white">{number}</text>'
+    )
+
+
+def _axes(pose: Pose2, scale: float, height: float, frame: str) -> str:
+    """Draw a scale bar, and the axes of the frame that the poses are in."""
+    bar = next((b for b in (1.0, 0.5, 0.2, 0.1) if b * scale < WIDTH / 4), 0.1)
+    parts = [
+        f'<path d="M12 {height - 14:.1f} h{bar * scale:.1f}" stroke="#1c1c20" stroke-width="3"/>'
+        f'<text x="{20 + bar * scale:.1f}" y="{height - 10:.1f}">{bar:g} m</text>'
+    ]
+    origin = np.array([45.0, 45.0])
+    for name, way in (("x", [1.0, 0.0]), ("y", [0.0, 1.0])):
+        tip = origin + 30 * pose.inverse().rotate(np.array(way)) * [1.0, -1.0]
+        parts.append(
+            f'<path d="M{origin[0]:.1f} {origin[1]:.1f} L{tip[0]:.1f} {tip[1]:.1f}" '
+            'stroke="#666" stroke-width="2"/>'
+        )
+        parts.append(_text(origin + 1.35 * (tip - origin), name, "#666"))
+    parts.append(f'<text x="12" y="{origin[1] + 55:.1f}" fill="#666">{escape(frame)}</text>')
+    return "".join(parts)

@@ -1,0 +1,79 @@
+"""What a review file holds: every entity, so that an old file can be read without this program.
+
+The name below stands in each file as ``property:review:schema``, the entities as
+``property:review:entities``. A change to what an entity means is a new number.
+"""
+
+from __future__ import annotations
+
+SCHEMA = "tablemap/review/1"
+
+TIMELINES = {
+    "sensor_time": "the recording's clock, nanoseconds; what holds throughout is at its start",
+    "snapshot": "number of the stop, from 0; results hold from 0 on",
+    "stage": "0 while the recording is opened, then the pipeline's stages from 1",
+    "iteration": "of a pair's ICP; all else is at 0",
+}
+
+ENTITIES = {
+    "/": "ViewCoordinates: right-handed, z up; metres",
+    "/summary": "TextDocument: verdict and figures; or why there is no model",
+    "/log": "TextLog: warnings and what was set aside, at the time that they concern",
+    "/tf/*": "Transform3D between named frames, over sensor_time: odom, base, camera as recorded",
+    "/robot/heading": "Arrows3D in the base frame",
+    "/camera": "Pinhole of the snapshot",
+    "/camera/depth": "EncodedDepthImage: 16-bit PNG in millimetres, one a snapshot",
+    "/camera/colour": "EncodedImage as recorded, one a snapshot",
+    "/laser/scan": "Points3D in the laser frame: the scan nearest to the snapshot",
+    "/trajectory/*": "LineStrips3D of the base: localised, wheels, odometry, registered",
+    "/calibration/summary": "TextDocument: the camera's corrections",
+    "/calibration/floor_rms_mm": "BarChart: the floor before and after",
+    "/segmentation": "AnnotationContext of the labels",
+    "/segmentation/summary": "TextDocument: candidate tables and the views' verdicts",
+    "/segmentation/labels": "SegmentationImage, one a snapshot",
+    "/segmentation/points": "Points3D with class ids, thinned, as localised",
+    "/segmentation/candidates/*": "LineStrips3D: hulls of the chosen table and of the others",
+    "/odometry/summary": "TextDocument",
+    "/odometry/scan": "Points3D: scans where odometry put them, thinned in time",
+    "/odometry/threshold_m": "Scalars over sensor_time: KISS-ICP's adaptive threshold",
+    "/registration/summary": "TextDocument: pairs with residuals, checks of the stops",
+    "/registration/before/*/NN": "Points3D by stop as localised: scan, top, clutter",
+    "/registration/after/*/NN": "Points3D by stop as registered: scan, top, clutter",
+    "/registration/stops": "LineStrips3D: cameras as registered, labelled by number",
+    "/registration/localised_stops": "LineStrips3D: cameras as localised",
+    "/registration/iterations/*/*": "Scalars over iteration: fitness, rmse_mm, inliers by pair",
+    "/registration/graph": "GraphNodes, GraphEdges: stops by residual, used pairs",
+    "/registration/graph_in_map/*": "LineStrips3D by kind of pair and whether it was used",
+    "/registration/graph_before": "LineStrips3D: the stops before the graph was solved",
+    "/registration/correction_mm": "Scalars over snapshot: registered against localised",
+    "/outline/summary": "TextDocument: edge points of each kind by view",
+    "/outline/edges/*/NN": "Points3D by kind (table, image_border, occluded, no_depth) and view",
+    "/outline/top/NN": "Points3D: where a view saw top",
+    "/outline/height_mm/*": "Scalars over snapshot: by_view, all_views",
+    "/surface/summary": "TextDocument: shapes with weights and dimensions, sides",
+    "/surface/crosscheck": "TextDocument: camera against laser",
+    "/surface/hull": "LineStrips3D",
+    "/surface/candidates/*": "LineStrips3D by shape",
+    "/surface/chosen": "LineStrips3D: sides coloured by status",
+    "/surface/residuals": "Points3D: edge points, blue inside to red outside",
+    "/surface/unrolled/*": "2D plot of the residuals along the outline",
+    "/surface/residual_histogram_mm": "BarChart",
+    "/legs/summary": "TextDocument: legs, and what was set aside with reasons",
+    "/legs/evidence": "Points3D: scan points near the table",
+    "/legs/NN/*": "points: Points3D of a leg; fit: LineStrips3D of its outline",
+    "/legs/rejected/*": "Points3D: clusters that are no legs, with reasons",
+    "/model/top": "Mesh3D",
+    "/model/legs/NN": "Cylinders3D or Boxes3D",
+    "/model/dimensions": "LineStrips3D labelled with name, value and sigma",
+    "/model/dimensions/extensions": "LineStrips3D",
+    "/model/uncertainty/*": "LineStrips3D: 95 % of place and sides, magnified as the summary says",
+    "/other_tables/NN/**": "summary, top and legs of a table beside the chosen one",
+    "/timing/*": "seconds a stage, as text and as a 2D chart",
+}
+
+
+def described() -> str:
+    """Return entities and timelines as text, a line each."""
+    entities = [f"{path}: {what}" for path, what in ENTITIES.items()]
+    timelines = [f"timeline {name}: {what}" for name, what in TIMELINES.items()]
+    return "\n".join([*entities, *timelines])

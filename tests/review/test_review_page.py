@@ -1,0 +1,161 @@
+"""report.html: one page that needs nothing else, whatever the run was like."""
+
+from __future__ import annotations
+
+import math
+import re
+from html.parser import HTMLParser
+from xml.etree import ElementTree
+
+import pytest
+
+from tablemap.archive.folder import Manifest, RecordingEntry
+from tablemap.model import TableModel
+from tablemap.record import RunFailed
+from tablemap.review.page import Page
+from tablemap.review.plan import plan
+from tablemap.surface import Surface
+from tests.review import factory
+
+VOID = {"meta", "br"}
+
+
+@pytest.fixture(scope="module")
+def run() -> list[object]:
+    """All results of a made-up run."""
+    return factory.results(stops=8)
+
+
+@pytest.fixture(scope="module")
+def model(run: list[object]) -> TableModel:
+    """Its model."""
+    return next(one for one in run if isinstance(one, TableModel))
+
+
+def manifest(path: str = "/laps/lap.mcap") -> Manifest:
+    """A run's manifest."""
+    return Manifest(
+        schema_name="tablemap/manifest/1",
+        run_id="20260101T000000-00000000",
+        recording=RecordingEntry(path=path, size=12, sha256="ab" * 32),
+        method="tablemap",
+        tables="best",
+        seed=0,
+        versions={"numpy": "2.0"},
+        started="2026-01-01T00:00:00+00:00",
+        timings={"snapshots": 1.25},
+    )
+
+
+def page(results: list[object], *, status: str = "ok", error: str | None = None) -> str:
+    """The page of a run's results."""
+    kept = Page()
+    for one in results:
+        kept(one)
+    return kept.html(manifest(), status=status, error=error)
+
+
+class Balance(HTMLParser):
+    """Checks that every element that opens is closed in its place."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.seen: set[str] = set()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Note an element."""
+        self.seen.add(tag)
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        """Take it back."""
+        assert self.open.pop() == tag
+
+
+def elements(html: str) -> set[str]:
+    """The elements of a page that is well formed."""
+    parser = Balance()
+    parser.feed(html)
+    parser.close()
+    assert parser.open == []
+    return parser.seen
+
+
+def test_the_page_has_the_model_and_needs_no_network(run: list[object], model: TableModel) -> None:
+    """Verdict, figures, plan, residuals, legs, stops, warnings and provenance; nothing to fetch."""
+    html = page(run)
+    assert "svg" in elements(html)
+    assert not elements(html) & {"script", "link", "img", "iframe"}
+    assert not re.search(r"https?://|url\(|@import", html)
+    assert html.index(model.verdict.level) < html.index("<svg")
+    for name, figure in model.surface.dimensions.items():
+        assert f"{name} {figure.value:.3f} m" in html
+    for words in ("Residuals along the outline", "Where this comes from", "ab" * 32, "/laps/lap"):
+        assert words in html
+    assert html.count("<title>leg ") == len(model.legs)
+    for warning in model.warnings:
+        assert warning.code in html
+
+
+def test_a_failed_run_says_what_failed() -> None:
+    """The stage and the sentence come first; there is no drawing."""
+    html = page([RunFailed("registration", "ignored")], status="failed", error="no <two> views")
+    assert "svg" not in elements(html)
+    assert html.index("registration") < html.index("Where this comes from")
+    assert "no &lt;two&gt; views" in html
+
+
+def test_names_cannot_break_the_page(model: TableModel) -> None:
+    """What stands in a recording is text, not markup."""
+    kept = Page()
+    kept(model.model_copy(update={"frame": "<script>&map"}))
+    html = kept.html(manifest("/<b>&.mcap"), status="ok", error=None)
+    assert "script" not in elements(html)
+    assert "&lt;b&gt;&amp;.mcap" in html
+
+
+def drawing(model: TableModel) -> ElementTree.Element:
+    """The plan's SVG."""
+    return ElementTree.fromstring(plan(model).split("<p ")[0])
+
+
+def test_the_plan_is_to_scale(model: TableModel) -> None:
+    """The outline's sides in pixels are in the ratio of its sides in metres."""
+    polygon = drawing(model).find("polygon")
+    assert polygon is not None
+    corners = [tuple(map(float, one.split(","))) for one in polygon.attrib["points"].split()]
+    first, second = (math.dist(corners[k], corners[k + 1]) for k in (0, 1))
+    outline = model.surface.outline
+    metres = [math.dist(outline[k], outline[k + 1]) for k in (0, 1)]
+    assert first / second == pytest.approx(metres[0] / metres[1], rel=0.01)
+
+
+def test_sides_are_drawn_by_status(model: TableModel) -> None:
+    """A side that was not seen is dotted and red."""
+    edges = list(model.surface.edges)
+    edges[0] = edges[0].model_copy(update={"status": "unseen"})
+    surface = model.surface.model_copy(update={"edges": tuple(edges)})
+    sides = drawing(model.model_copy(update={"surface": surface})).findall("polyline")
+    assert [side.attrib["stroke"] == "#b3261e" for side in sides] == [
+        edge.status == "unseen" for edge in edges
+    ]
+
+
+def test_a_polygon_has_its_sides_lengths(model: TableModel) -> None:
+    """Where there are no named dimensions."""
+    surface = model.surface.model_copy(update={"shape": "polygon", "dimensions": {}})
+    words = [
+        text.text or ""
+        for text in drawing(model.model_copy(update={"surface": surface})).iter("text")
+    ]
+    assert sum(bool(re.fullmatch(r"\d\.\d{3} m", one)) for one in words) == len(surface.edges)
+
+
+def test_poor_results_make_a_page(model: TableModel, run: list[object]) -> None:
+    """No outline, no legs, no stops, no residuals."""
+    surface = model.surface.model_copy(update={"outline": (), "edges": (), "dimensions": {}})
+    poor = model.model_copy(update={"surface": surface, "legs": (), "snapshots": ()})
+    emptied = [factory.emptied(one) for one in run if isinstance(one, Surface)]
+    assert "no outline" in page([*emptied, poor], status="partial", error="cut <short>")
