@@ -223,3 +223,11 @@ class TableModel(Part):
         except (OSError, UnicodeDecodeError) as error:
             raise TablemapError(f"no table model can be read ({error}): {file}") from error
         return TableModel.from_json(text)
+
+
+def json_schema() -> dict[str, object]:
+    """Return the JSON Schema of ``table.json``; fields that it does not name are allowed."""
+    schema = TableModel.model_json_schema(mode="serialization")
+    schema["properties"] = {"schema": {"const": SCHEMA}, **schema["properties"]}
+    schema["required"] = ["schema", *schema["required"]]
+    return schema

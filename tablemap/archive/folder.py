@@ -5,13 +5,15 @@ Every file is written under a temporary name and renamed, so that what bears its
 
 from __future__ import annotations
 
+import hashlib
 import os
 import platform
 import secrets
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -19,7 +21,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from tablemap.config import Config, load_config
 from tablemap.errors import TablemapError
 from tablemap.model import TableModel
-from tablemap.odometry import Trajectory
+
+if TYPE_CHECKING:
+    from tablemap.odometry import Trajectory
 
 SCHEMA = "tablemap/manifest/1"
 PACKAGES = (
@@ -35,7 +39,11 @@ PACKAGES = (
     "shapely",
 )
 
+ADDED = ("exports/", "input/")
+"""Where files are put after the run has ended."""
+
 Status = Literal["running", "ok", "partial", "failed", "interrupted"]
+LEAVE_A_MODEL: tuple[Status, ...] = ("ok", "partial")
 
 
 class RecordingEntry(BaseModel):
@@ -63,6 +71,8 @@ class Manifest(BaseModel):
     timings: dict[str, float] = {}
     status: Status = "running"
     error: str | None = None
+    files: dict[str, str] = {}
+    """SHA-256 of each file of the finished run, by its name in the folder; not of this one."""
 
 
 class RunFolder:
@@ -102,7 +112,7 @@ class RunFolder:
             method=method,
             tables=tables,
             seed=config.seed,
-            versions=_versions(),
+            versions=versions(),
             started=now.isoformat(timespec="seconds"),
         )
         folder = RunFolder(path, manifest)
@@ -117,15 +127,31 @@ class RunFolder:
     def finish(self, status: Status, *, error: str | None = None) -> None:
         """Write how the run ended; ``latest`` names it if it left a model."""
         finished = datetime.now(UTC).isoformat(timespec="seconds")
-        self.update(status=status, error=error, finished=finished)
-        if status in ("ok", "partial"):
-            link = self.path.parent / "latest"
-            temporary = self.path.parent / f".latest-{self.manifest.run_id}"
-            try:
-                temporary.symlink_to(self.path.name)
-                temporary.replace(link)
-            except OSError as problem:
-                raise TablemapError(f"{link} cannot be written ({problem.strerror}).") from problem
+        self.update(status=status, error=error, finished=finished, files=self.hashes())
+        if status in LEAVE_A_MODEL:
+            self.become_latest()
+
+    def become_latest(self) -> None:
+        """Let the recording's ``latest`` name this run."""
+        link = self.path.parent / "latest"
+        temporary = self.path.parent / f".latest-{self.path.name}"
+        try:
+            temporary.unlink(missing_ok=True)
+            temporary.symlink_to(self.path.name)
+            temporary.replace(link)
+        except OSError as problem:
+            raise TablemapError(f"{link} cannot be written ({problem.strerror}).") from problem
+
+    def hashes(self) -> dict[str, str]:
+        """Return the SHA-256 of each file that the run itself wrote, but for the manifest."""
+        from tablemap.recording import sha256
+
+        found = {}
+        for file in sorted(self.path.rglob("*")):
+            name = file.relative_to(self.path).as_posix()
+            if file.is_file() and name != "manifest.json" and not name.startswith(ADDED):
+                found[name] = sha256(file)
+        return found
 
     def write(self, name: str, text: str) -> Path:
         """Write a text file of the run, whole or not at all."""
@@ -190,11 +216,20 @@ def trajectory_tum(trajectory: Trajectory) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _versions() -> dict[str, str]:
-    versions = {"python": platform.python_version(), "platform": platform.platform()}
+@cache
+def versions() -> dict[str, str]:
+    """Return the versions of everything that may change a result, this package's source included.
+
+    The source's digest tells two states of a working copy apart that bear the same version.
+    """
+    found = {"python": platform.python_version(), "platform": platform.platform()}
     for package in PACKAGES:
         try:
-            versions[package] = version(package)
+            found[package] = version(package)
         except PackageNotFoundError:
             continue
-    return versions
+    digest = hashlib.sha256()
+    source = Path(__file__).resolve().parent.parent
+    for file in sorted(source.rglob("*.py")):
+        digest.update(file.relative_to(source).as_posix().encode() + b"\0" + file.read_bytes())
+    return {**found, "tablemap source": digest.hexdigest()[:16]}

@@ -1,0 +1,167 @@
+"""Two models side by side: what differs, by how much, and by how many sigmas."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from tablemap.model import Figure, TableLeg, TableModel
+
+SAME_LEG = 0.25
+"""Legs farther apart than this (metres) are not the same."""
+ANGLES = ("angle", "yaw")
+PERIODS = {
+    "rectangle": math.pi,
+    "parallelogram": math.pi,
+    "ellipse": math.pi,
+    "square": math.pi / 2,
+}
+"""After how much turning a shape is the same again."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One figure of both models (metres, radians); None where a model lacks it.
+
+    ``difference`` is b - a, ``sigma`` that of both together as if they were independent (two runs
+    on one recording are not: theirs is too large), ``sigmas`` the one by the other.
+    """
+
+    name: str
+    a: float | None
+    b: float | None
+    difference: float | None = None
+    sigma: float | None = None
+
+    @property
+    def sigmas(self) -> float | None:
+        """The difference's size in its sigma."""
+        if self.difference is None or not self.sigma:
+            return None
+        return abs(self.difference) / self.sigma
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Model ``b`` against model ``a``.
+
+    ``words`` holds what is no number: name, a's, b's. ``overlap`` is the intersection of both
+    outlines over their union, ``farthest`` the largest distance from one outline to the other
+    (Hausdorff, metres); both None where the frames differ or an outline has no area.
+    """
+
+    words: tuple[tuple[str, str, str], ...]
+    figures: tuple[Difference, ...]
+    overlap: float | None
+    farthest: float | None
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the comparison as JSON has it."""
+        return {
+            "words": {name: {"a": a, "b": b} for name, a, b in self.words},
+            "figures": [{**asdict(each), "sigmas": each.sigmas} for each in self.figures],
+            "overlap": self.overlap,
+            "farthest": self.farthest,
+        }
+
+
+def compare(a: TableModel, b: TableModel) -> Comparison:
+    """Compare two models; legs are paired by place, as far as both stand in one frame."""
+    top_a, top_b = a.surface, b.surface
+    words = [
+        ("shape", top_a.shape, top_b.shape),
+        ("verdict", a.verdict.level, b.verdict.level),
+        ("frame", a.frame, b.frame),
+        ("legs", str(len(a.legs)), str(len(b.legs))),
+        ("views", _views(a), _views(b)),
+    ]
+    rows = [
+        _figure(name, top_a.dimensions.get(name), top_b.dimensions.get(name))
+        for name in dict.fromkeys([*top_a.dimensions, *top_b.dimensions])
+    ]
+    if top_a.corner_radius or top_b.corner_radius:
+        rows.append(_figure("corner_radius", top_a.corner_radius, top_b.corner_radius))
+    rows.append(_figure("height", top_a.height, top_b.height))
+    if top_a.thickness or top_b.thickness:
+        rows.append(_figure("thickness", top_a.thickness, top_b.thickness))
+    overlap = farthest = None
+    if a.frame == b.frame:
+        rows.extend(_place(a, b))
+        rows.extend(_legs(a.legs, b.legs))
+        overlap, farthest = _outlines(a, b)
+    return Comparison(tuple(words), tuple(rows), overlap, farthest)
+
+
+def _views(model: TableModel) -> str:
+    return f"{sum(each.used for each in model.snapshots)} of {len(model.snapshots)}"
+
+
+def _figure(name: str, a: Figure | None, b: Figure | None) -> Difference:
+    if a is None or b is None:
+        return Difference(name, a.value if a else None, b.value if b else None)
+    return Difference(name, a.value, b.value, b.value - a.value, _together(a.sigma, b.sigma))
+
+
+def _together(a: float | None, b: float | None) -> float | None:
+    return None if a is None or b is None else math.hypot(a, b)
+
+
+def _place(a: TableModel, b: TableModel) -> list[Difference]:
+    rows = []
+    for k, name in enumerate(("x", "y", "yaw")):
+        first, second = (getattr(model.surface.pose, name) for model in (a, b))
+        variance = sum(model.surface.pose.covariance[k][k] for model in (a, b))
+        difference = second - first
+        if name == "yaw":
+            if "circle" in (a.surface.shape, b.surface.shape):
+                continue
+            same = a.surface.shape == b.surface.shape
+            period = PERIODS.get(a.surface.shape, math.tau) if same else math.tau
+            difference = (difference + period / 2) % period - period / 2
+        rows.append(Difference(name, first, second, difference, math.sqrt(max(variance, 0.0))))
+    return rows
+
+
+def _legs(a: tuple[TableLeg, ...], b: tuple[TableLeg, ...]) -> list[Difference]:
+    """Return for each pair of legs how far they are apart and how their sizes differ."""
+    if not a or not b:
+        return []
+    from scipy.optimize import linear_sum_assignment
+
+    places_a, places_b = (np.array([[leg.x, leg.y] for leg in legs]) for legs in (a, b))
+    apart = np.linalg.norm(places_a[:, None] - places_b[None], axis=-1)
+    # Beyond the limit all are equally unlike, so that a missing leg shifts no other pair.
+    pairs = zip(*linear_sum_assignment(np.minimum(apart, SAME_LEG)), strict=True)
+    rows = []
+    for i, j in pairs:
+        if apart[i, j] >= SAME_LEG:
+            continue
+        first, second, name = a[i], b[j], f"leg {i + 1}"
+        sigma = _together(first.position_sigma, second.position_sigma)
+        rows.append(Difference(f"{name} place", None, None, float(apart[i, j]), sigma))
+        rows.extend(
+            _figure(f"{name} {key}", figure, second.dimensions[key])
+            for key, figure in first.dimensions.items()
+            if key in second.dimensions
+        )
+    return rows
+
+
+def _outlines(a: TableModel, b: TableModel) -> tuple[float | None, float | None]:
+    import shapely
+
+    tops = [
+        shapely.make_valid(shapely.Polygon(model.surface.outline))
+        if len(model.surface.outline) > 2
+        else shapely.Polygon()
+        for model in (a, b)
+    ]
+    if min(top.area for top in tops) <= 0:
+        return None, None
+    union = tops[0].union(tops[1]).area
+    edges = [top.boundary.segmentize(0.01) for top in tops]
+    return float(tops[0].intersection(tops[1]).area / union), float(
+        shapely.hausdorff_distance(*edges)
+    )

@@ -1,0 +1,182 @@
+"""All runs of a folder as rows, and the index that spares reading them again.
+
+The folders are the truth. The index keeps what was read of each run beside the times and sizes of
+the files that it was read from; a run whose files have others is read anew, one that is gone is
+dropped, and an index that is lost, damaged or of another version is built again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tablemap.archive.folder import load_run
+from tablemap.errors import TablemapError
+from tablemap.model import TableModel
+
+INDEX = ".index.json"
+SCHEMA = "tablemap/index/1"
+
+Stamp = tuple[int, int, int, int]
+"""Time of change (ns) and size of manifest.json, then of table.json; zeros where there is none."""
+
+
+class RunRow(NamedTuple):
+    """One run in a list (a tuple, since thousands are made of them at once).
+
+    ``path`` is relative to the folder of runs: ``<recording>/<run>``.
+    ``status`` is the manifest's, or ``damaged`` where it cannot be read; ``shape`` and ``verdict``
+    are None without a model. ``figures`` holds what is a number, in metres, radians and seconds,
+    sigmas as ``<name>_sigma``.
+    """
+
+    path: str
+    recording: str
+    run: str
+    started: str
+    status: str
+    method: str | None
+    error: str | None
+    shape: str | None
+    verdict: str | None
+    figures: dict[str, float]
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the row as JSON has it."""
+        return self._asdict()
+
+
+def list_runs(folder: Path, *, index: Path | None = None) -> list[RunRow]:
+    """Return a row for each run under ``folder``, in the order of their paths.
+
+    ``index`` (by default in the folder) is brought up to date where that is allowed. Raises
+    `TablemapError` where there is no such folder.
+    """
+    file = index or folder / INDEX
+    held = _load(file)
+    rows: dict[str, tuple[Stamp, RunRow]] = {}
+    changed = False
+    for path, stamp in _runs(folder):
+        known = held.get(path)
+        if known is not None and known[0] == stamp:
+            rows[path] = known
+        else:
+            rows[path] = (stamp, read_row(folder, path))
+            changed = True
+    if changed or rows.keys() != held.keys():
+        _save(file, rows)
+    return [rows[path][1] for path in sorted(rows)]
+
+
+def scan_runs(folder: Path) -> list[RunRow]:
+    """Return the same as `list_runs` without any index: every run is read."""
+    return [read_row(folder, path) for path, _ in sorted(_runs(folder))]
+
+
+def read_row(folder: Path, path: str) -> RunRow:
+    """Read one run. What cannot be read is said in its row."""
+    recording, run = path.split("/")
+    try:
+        manifest = load_run(folder / path).manifest
+    except TablemapError as error:
+        return RunRow(path, recording, run, "", "damaged", None, str(error), None, None, {})
+    model, trouble = None, manifest.error
+    if (folder / path / "table.json").is_file():
+        try:
+            model = TableModel.load(folder / path)
+        except TablemapError as error:
+            trouble = str(error)
+    figures = figures_of(model) if model else {}
+    if manifest.timings:
+        figures["seconds"] = round(sum(manifest.timings.values()), 3)
+    return RunRow(
+        path=path,
+        recording=recording,
+        run=run,
+        started=manifest.started,
+        status=manifest.status,
+        method=manifest.method,
+        error=trouble,
+        shape=model.surface.shape if model else None,
+        verdict=model.verdict.level if model else None,
+        figures=figures,
+    )
+
+
+def figures_of(model: TableModel) -> dict[str, float]:
+    """Return a model's figures by name, sigmas as ``<name>_sigma`` where there is one."""
+    surface, pose = model.surface, model.surface.pose
+    figures = dict(surface.dimensions) | {"height": surface.height}
+    optional = {"thickness": surface.thickness, "corner_radius": surface.corner_radius}
+    figures |= {name: figure for name, figure in optional.items() if figure is not None}
+    numbers: dict[str, float] = {}
+    for name, figure in figures.items():
+        numbers[name] = figure.value
+        if figure.sigma is not None:
+            numbers[f"{name}_sigma"] = figure.sigma
+    for k, name in enumerate(("x", "y", "yaw")):
+        numbers[name] = getattr(pose, name)
+        numbers[f"{name}_sigma"] = round(math.sqrt(max(pose.covariance[k][k], 0.0)), 6)
+    return numbers | {
+        "score": surface.score,
+        "legs": len(model.legs),
+        "views": sum(snapshot.used for snapshot in model.snapshots),
+        "warnings": len(model.warnings),
+    }
+
+
+def _runs(folder: Path) -> Iterator[tuple[str, Stamp]]:
+    """Find every run's folder: two levels down, neither hidden nor a link such as ``latest``."""
+    try:
+        for recording in os.scandir(folder):
+            if recording.name.startswith(".") or not recording.is_dir():
+                continue
+            for run in os.scandir(recording.path):
+                if run.name.startswith(".") or run.is_symlink() or not run.is_dir():
+                    continue
+                stamp = (
+                    *_changed(f"{run.path}/manifest.json"),
+                    *_changed(f"{run.path}/table.json"),
+                )
+                if stamp[0]:
+                    yield f"{recording.name}/{run.name}", stamp
+    except OSError as error:
+        raise TablemapError(
+            f"expected a folder of runs ({error.strerror}); give the one that "
+            f"`tablemap process --output` wrote to: {folder}"
+        ) from error
+
+
+def _changed(file: str) -> tuple[int, int]:
+    try:
+        found = os.stat(file)  # noqa: PTH116 - twice as fast as Path's, and called for every run
+    except OSError:
+        return 0, 0
+    return found.st_mtime_ns, found.st_size
+
+
+def _load(file: Path) -> dict[str, tuple[Stamp, RunRow]]:
+    """Read the index; one that is not as expected counts as none."""
+    try:
+        document: Any = json.loads(file.read_bytes())
+        if document["schema"] != SCHEMA:
+            return {}
+        return {row[0]: (tuple(stamp), RunRow(*row)) for stamp, row in document["runs"]}
+    except (OSError, ValueError, LookupError, TypeError):
+        return {}
+
+
+def _save(file: Path, rows: dict[str, tuple[Stamp, RunRow]]) -> None:
+    document = {"schema": SCHEMA, "runs": list(rows.values())}
+    temporary = file.with_name(f"{file.name}.{os.getpid()}.part")
+    try:
+        temporary.write_text(json.dumps(document), encoding="utf-8")
+        temporary.replace(file)
+    except OSError:  # a folder that may only be read is listed all the same
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)

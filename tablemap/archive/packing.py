@@ -1,0 +1,171 @@
+"""A run as one portable file, a tar in zstd, and back."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shutil
+import tarfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath
+from typing import BinaryIO
+
+import zstandard
+
+from tablemap.archive.folder import LEAVE_A_MODEL, RunFolder, load_run
+from tablemap.archive.verification import INPUT, check_files, find_input
+from tablemap.errors import TablemapError
+
+SUFFIX = ".tar.zst"
+MANIFEST = "manifest.json"
+"""Packed last: a run that has it was not cut off before."""
+LEVEL = 6
+PIECE = 1 << 20
+
+
+def pack(run: RunFolder, target: Path, *, with_input: bool) -> Path:
+    """Write a finished run, and its recording on demand, into ``target``; bytes repeat.
+
+    ``target`` appears once it is whole, replacing what bore its name. Raises `TablemapError` where
+    the run is unfinished or no longer what was written, or where the file cannot be written.
+    """
+    if run.manifest.status == "running":
+        raise TablemapError(f"expected a finished run, found one that is running: {run.path}")
+    _refuse_damage(run)
+    root = PurePosixPath(run.path.parent.name) / run.path.name
+    files = {
+        file.relative_to(run.path).as_posix(): file
+        for file in run.path.rglob("*")
+        if file.is_file() and not file.is_symlink() and not file.name.startswith(".")
+    }
+    files = {name: file for name, file in files.items() if not name.startswith(f"{INPUT}/")}
+    if with_input:
+        recording = find_input(run)
+        files[f"{INPUT}/{Path(run.manifest.recording.path).name}"] = recording
+    part = target.with_name(f".{target.name}.part")
+    try:
+        with part.open("wb") as stream:
+            compressor = zstandard.ZstdCompressor(LEVEL, write_checksum=True)
+            with (
+                compressor.stream_writer(stream, closefd=False) as packed,
+                tarfile.open(fileobj=packed, mode="w|", format=tarfile.PAX_FORMAT) as tar,
+            ):
+                for name in sorted(files, key=lambda name: (name == MANIFEST, name)):
+                    _add(tar, files[name], str(root / name))
+            stream.flush()
+            os.fsync(stream.fileno())
+        part.replace(target)
+    except OSError as error:
+        raise TablemapError(f"the run cannot be packed ({error.strerror}): {target}") from error
+    finally:
+        part.unlink(missing_ok=True)
+    return target
+
+
+def unpack(file: Path, output: Path) -> RunFolder:
+    """Bring a packed run back as ``output/<recording>/<run>``, checked before it bears that name.
+
+    Raises `TablemapError` where the file is cut off, damaged, or no packed run, where a member
+    would lie outside the run or not fit on the disk, or where the run is there already.
+    """
+    room = output / f".unpacking-{secrets.token_hex(4)}"
+    try:
+        room.mkdir(parents=True)
+        with _opened(file) as stream, tarfile.open(fileobj=stream, mode="r|") as tar:
+            for member in tar:
+                _extract(tar, member, room, file)
+            _read_to_the_end(stream)
+        return _settle(room, output, file)
+    except (tarfile.TarError, zstandard.ZstdError, EOFError) as error:
+        raise TablemapError(
+            f"the packed run is cut off, damaged or none ({error}); nothing was unpacked: {file}"
+        ) from error
+    except OSError as error:
+        reason = error.strerror or error
+        raise TablemapError(f"the run cannot be unpacked ({reason}): {file}") from error
+    finally:
+        shutil.rmtree(room, ignore_errors=True)
+
+
+def _refuse_damage(run: RunFolder) -> None:
+    wrong = [check for check in check_files(run) if not check.passed]
+    if wrong:
+        names = ", ".join(f"{check.name} is {check.outcome}" for check in wrong)
+        raise TablemapError(f"the run is not what was written ({names}): {run.path}")
+
+
+def _add(tar: tarfile.TarFile, file: Path, name: str) -> None:
+    with file.open("rb") as content:
+        entry = tarfile.TarInfo(name)
+        entry.size = os.fstat(content.fileno()).st_size
+        entry.mtime = int(os.fstat(content.fileno()).st_mtime)
+        entry.mode = 0o644
+        tar.addfile(entry, content)
+
+
+@contextmanager
+def _opened(file: Path) -> Iterator[BinaryIO]:
+    with file.open("rb") as packed, zstandard.ZstdDecompressor().stream_reader(packed) as stream:
+        yield stream
+
+
+def _read_to_the_end(stream: BinaryIO) -> None:
+    """Read what follows the tar, so that the checksum at the frame's end is checked."""
+    while stream.read(PIECE):
+        pass
+
+
+def _extract(tar: tarfile.TarFile, member: tarfile.TarInfo, room: Path, file: Path) -> None:
+    name = PurePosixPath(member.name)
+    inside = len(name.parts) > 2 and not any(part.startswith(".") for part in name.parts)
+    if not member.isfile() or name.is_absolute() or "\\" in member.name or not inside:
+        raise TablemapError(
+            f"expected files of one run, found {member.name!r}; nothing was unpacked: {file}"
+        )
+    if member.size > shutil.disk_usage(room).free:
+        raise TablemapError(
+            f"{member.name} needs {member.size / 1e6:.0f} MB, more than the disk has free: {file}"
+        )
+    content = tar.extractfile(member)
+    target = room.joinpath(*name.parts)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with target.open("xb") as stream:
+        if content is not None:
+            shutil.copyfileobj(content, stream, PIECE)
+        stream.flush()
+        os.fsync(stream.fileno())
+    os.utime(target, (member.mtime, member.mtime))
+
+
+def _settle(room: Path, output: Path, file: Path) -> RunFolder:
+    """Check the run that was unpacked into ``room``, and give it its place."""
+    found = list(room.glob("*/*"))
+    if len(found) != 1:
+        raise TablemapError(f"expected one packed run, found {len(found)}: {file}")
+    if not (found[0] / MANIFEST).is_file():
+        raise EOFError("its last file, the manifest, is not there")
+    run = load_run(found[0])
+    recording, name = found[0].parent.name, found[0].name
+    if run.manifest.run_id != name:
+        raise TablemapError(
+            f"expected the run {run.manifest.run_id}, found it under another name, {name}: {file}"
+        )
+    _refuse_damage(run)
+    target = output / recording / name
+    if target.exists():
+        raise TablemapError(f"the run is there already; nothing was unpacked: {target}")
+    target.parent.mkdir(exist_ok=True)
+    found[0].rename(target)
+    settled = load_run(target)
+    if settled.manifest.status in LEAVE_A_MODEL and _is_newest(settled):
+        settled.become_latest()
+    return settled
+
+
+def _is_newest(run: RunFolder) -> bool:
+    try:
+        latest = load_run(run.path.parent / "latest")
+    except TablemapError:
+        return True
+    return (latest.manifest.finished or "") < (run.manifest.finished or "")

@@ -1,0 +1,91 @@
+"""Which runs may go, and how they go without leaving half of one."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+from collections import defaultdict
+from collections.abc import Collection, Sequence
+from datetime import datetime, timedelta
+from pathlib import Path
+
+from tablemap.archive.folder import LEAVE_A_MODEL, RunFolder, load_run
+from tablemap.archive.index import RunRow
+from tablemap.archive.selection import started
+from tablemap.errors import ConfigError, TablemapError
+
+HIDDEN = ".pruned-"
+
+
+def to_prune(
+    rows: Sequence[RunRow],
+    *,
+    now: datetime,
+    older_than: timedelta | None = None,
+    status: Collection[str] = (),
+    keep: int | None = None,
+) -> list[RunRow]:
+    """Return the runs that every given criterion lets go, oldest first.
+
+    ``keep`` holds the newest runs of each recording, whatever their status. Runs that are
+    ``running`` or ``damaged`` go only where ``status`` names it; one without a date counts as new.
+
+    Raises `ConfigError` where no criterion is given.
+    """
+    if older_than is None and keep is None and not status:
+        raise ConfigError("say which runs may go: by age, by status, or all but the newest.")
+    by_recording: dict[str, list[RunRow]] = defaultdict(list)
+    for row in sorted(rows, key=lambda row: (row.started, row.path), reverse=True):
+        by_recording[row.recording].append(row)
+    going = []
+    for own in by_recording.values():
+        for row in own[keep or 0 :]:
+            begun = started(row)
+            if status and row.status not in status:
+                continue
+            if not status and row.status in ("running", "damaged"):
+                continue
+            if older_than is not None and (begun is None or begun > now - older_than):
+                continue
+            going.append(row)
+    return sorted(going, key=lambda row: (row.started, row.path))
+
+
+def prune(folder: Path, rows: Sequence[RunRow]) -> None:
+    """Remove runs of ``folder``; ``latest`` then names the newest that is left with a model.
+
+    All are hidden before the first is removed, so that one half removed is no run; what an earlier
+    call left hidden goes too. Raises `TablemapError` where one cannot be removed.
+    """
+    runs = [folder / row.path for row in rows]
+    try:
+        for run in runs:
+            run.rename(run.with_name(f"{HIDDEN}{run.name}"))
+        for hidden in folder.glob(f"*/{HIDDEN}*"):
+            shutil.rmtree(hidden)
+    except OSError as error:
+        raise TablemapError(
+            f"a run cannot be removed ({error.strerror}): {error.filename}"
+        ) from error
+    for recording in {row.recording for row in rows}:
+        _renew_latest(folder / recording)
+
+
+def _renew_latest(recording: Path) -> None:
+    link = recording / "latest"
+    if not link.is_symlink() or link.exists():
+        return
+    left: list[RunFolder] = []
+    for path in recording.iterdir():
+        if path.is_symlink() or path.name.startswith(".") or not path.is_dir():
+            continue
+        with contextlib.suppress(TablemapError):  # a damaged run is not the latest
+            run = load_run(path)
+            if run.manifest.status in LEAVE_A_MODEL:
+                left.append(run)
+    if left:
+        max(left, key=lambda run: (run.manifest.finished or "", run.path.name)).become_latest()
+        return
+    link.unlink()
+    if not any(recording.iterdir()):
+        recording.rmdir()

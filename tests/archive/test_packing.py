@@ -1,0 +1,287 @@
+"""Runs are verified, packed, unpacked and pruned without losing or inventing anything."""
+
+from __future__ import annotations
+
+import io
+import json
+import tarfile
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+import zstandard
+
+from tablemap.archive import RunFolder, load_run
+from tablemap.archive.index import list_runs
+from tablemap.archive.packing import pack, unpack
+from tablemap.archive.pruning import prune, to_prune
+from tablemap.archive.verification import find_input, verify
+from tablemap.errors import ConfigError, RecordingError, TablemapError
+from tests.archive.runs import make_run
+from tests.factory import rectangle_model
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    """A file that stands for a recording; nothing here reads it as one."""
+    file = tmp_path / "lap.mcap"
+    file.write_bytes(bytes(range(256)) * 100)
+    return file
+
+
+@pytest.fixture
+def run(recording: Path, tmp_path: Path) -> RunFolder:
+    """A finished run of it."""
+    return make_run(tmp_path / "runs", "lap/a", rectangle_model(), recording=recording)
+
+
+def outcomes(run: RunFolder) -> dict[str, str]:
+    """Return what `verify` says of each thing."""
+    return {check.name: check.outcome for check in verify(run)}
+
+
+def test_the_manifest_names_every_file_of_the_run(run: RunFolder) -> None:
+    """But for itself and what is added later."""
+    (run.path / "exports").mkdir()
+    (run.path / "exports" / "model.sdf").write_text("<sdf/>")
+    assert set(run.manifest.files) == {"config.toml", "table.json", "trajectory.tum"}
+    assert outcomes(run) == {
+        "config.toml": "ok",
+        "table.json": "ok",
+        "trajectory.tum": "ok",
+        "schema of table.json": "ok",
+        "settings": "ok",
+        "review": "missing",
+        "recording": "ok",
+    }
+
+
+def test_what_changed_is_found(run: RunFolder, recording: Path) -> None:
+    """A model, settings, a lost file, a broken review, another recording of the same size."""
+    (run.path / "table.json").write_text("{}")
+    (run.path / "config.toml").write_text("seed = -1\n")
+    (run.path / "trajectory.tum").unlink()
+    (run.path / "run.rrd").write_bytes(b"RRF2 and then nothing of that kind")
+    recording.write_bytes(bytes(256) * 100)
+    found = outcomes(load_run(run.path))
+    assert found == {
+        "config.toml": "changed",
+        "table.json": "changed",
+        "trajectory.tum": "missing",
+        "run.rrd": "unchecked",
+        "schema of table.json": "damaged",
+        "settings": "damaged",
+        "review": "damaged",
+        "recording": "changed",
+    }
+
+
+def test_a_recording_that_is_not_here_is_no_fault_of_the_run(
+    run: RunFolder, recording: Path
+) -> None:
+    """But nothing is processed again in its stead."""
+    recording.unlink()
+    assert outcomes(run)["recording"] == "unchecked"
+    with pytest.raises(RecordingError, match="gone"):
+        find_input(run)
+
+
+def test_another_recording_is_refused(run: RunFolder, recording: Path) -> None:
+    """By its size and by its hash."""
+    recording.write_bytes(bytes(256) * 100)
+    with pytest.raises(RecordingError, match="SHA-256"):
+        find_input(run)
+    recording.write_bytes(b"short")
+    with pytest.raises(RecordingError, match="25600 bytes, found 5"):
+        find_input(run)
+
+
+def test_a_run_comes_back_as_it_was(run: RunFolder, tmp_path: Path) -> None:
+    """Every byte; the same file from the same run; ``latest`` names it."""
+    file = pack(run, tmp_path / "a.tar.zst", with_input=False)
+    again = pack(run, tmp_path / "b.tar.zst", with_input=False)
+    assert file.read_bytes() == again.read_bytes()
+    back = unpack(file, tmp_path / "elsewhere")
+    assert back.path == tmp_path / "elsewhere" / "lap" / "a"
+    for original in run.path.iterdir():
+        assert (back.path / original.name).read_bytes() == original.read_bytes()
+    assert load_run(tmp_path / "elsewhere" / "lap").path == back.path
+    assert [path.name for path in (tmp_path / "elsewhere").iterdir()] == ["lap"]
+
+
+def test_the_recording_goes_along_on_demand(
+    run: RunFolder, recording: Path, tmp_path: Path
+) -> None:
+    """And is found in the unpacked run, where the original is gone."""
+    content = recording.read_bytes()
+    file = pack(run, tmp_path / "a.tar.zst", with_input=True)
+    recording.unlink()
+    back = unpack(file, tmp_path / "elsewhere")
+    assert find_input(back).read_bytes() == content
+    assert outcomes(back)["recording"] == "ok"
+    repacked = unpack(pack(back, tmp_path / "b.tar.zst", with_input=True), tmp_path / "third")
+    assert find_input(repacked).read_bytes() == content
+
+
+def test_a_run_is_never_overwritten(run: RunFolder, tmp_path: Path) -> None:
+    """By itself neither."""
+    file = pack(run, tmp_path / "a.tar.zst", with_input=False)
+    with pytest.raises(TablemapError, match="there already"):
+        unpack(file, tmp_path / "runs")
+    assert run.model.to_json() == rectangle_model().to_json()
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.6, 0.9, 0.999])
+def test_a_packed_run_that_was_cut_off_leaves_nothing(
+    run: RunFolder, tmp_path: Path, share: float
+) -> None:
+    """Wherever it was cut."""
+    file = pack(run, tmp_path / "a.tar.zst", with_input=True)
+    data = file.read_bytes()
+    file.write_bytes(data[: int(share * len(data))])
+    try:
+        back = unpack(file, tmp_path / "elsewhere")
+    except TablemapError as error:
+        assert "a.tar.zst" in str(error)
+        assert list((tmp_path / "elsewhere").iterdir()) == []
+    else:  # the cut took no more than the padding
+        assert find_input(back).stat().st_size == 25600
+        assert share > 0.9
+
+
+def test_one_flipped_byte_is_noticed(run: RunFolder, tmp_path: Path) -> None:
+    """In the middle of the packed file."""
+    file = pack(run, tmp_path / "a.tar.zst", with_input=False)
+    data = bytearray(file.read_bytes())
+    data[len(data) // 2] ^= 0x40
+    file.write_bytes(data)
+    with pytest.raises(TablemapError):
+        unpack(file, tmp_path / "elsewhere")
+
+
+def test_packing_that_is_cut_off_leaves_no_file(
+    run: RunFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And an earlier one stays as it was."""
+    target = tmp_path / "a.tar.zst"
+    target.write_bytes(b"an earlier one")
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(tarfile.TarFile, "addfile", full)
+    with pytest.raises(TablemapError, match="No space left"):
+        pack(run, target, with_input=False)
+    assert target.read_bytes() == b"an earlier one"
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_a_changed_or_unfinished_run_is_not_packed(run: RunFolder, tmp_path: Path) -> None:
+    """What is packed is what was written."""
+    (run.path / "table.json").write_text("{}")
+    with pytest.raises(TablemapError, match=r"table\.json is changed"):
+        pack(run, tmp_path / "a.tar.zst", with_input=False)
+    running = make_run(tmp_path / "runs", "lap/b", None, status="running")
+    with pytest.raises(TablemapError, match="running"):
+        pack(running, tmp_path / "a.tar.zst", with_input=False)
+    assert not (tmp_path / "a.tar.zst").exists()
+
+
+def entry(name: str, kind: bytes = tarfile.REGTYPE) -> tarfile.TarInfo:
+    """Return a member of that name, one byte long if it is a file."""
+    member = tarfile.TarInfo(name)
+    member.type, member.linkname = kind, "/etc/passwd"
+    member.size = 1 if kind == tarfile.REGTYPE else 0
+    return member
+
+
+@pytest.mark.parametrize(
+    "member",
+    [
+        entry("../lap/a/table.json"),
+        entry("lap/a/../../../table.json"),
+        entry("/lap/a/table.json"),
+        entry("lap\\a/b/table.json"),
+        entry("table.json"),
+        entry("lap/a/.bashrc"),
+        entry("lap/a/table.json", tarfile.SYMTYPE),
+        entry("lap/a/table.json", tarfile.LNKTYPE),
+        entry("lap/a/table.json", tarfile.FIFOTYPE),
+    ],
+    ids=lambda member: f"{member.name} {member.type!r}",
+)
+def test_members_that_lead_elsewhere_are_refused(member: tarfile.TarInfo, tmp_path: Path) -> None:
+    """Nothing is written, in the folder or beside it."""
+    plain = io.BytesIO()
+    with tarfile.open(fileobj=plain, mode="w") as tar:
+        tar.addfile(member, io.BytesIO(b"x"))
+    file = tmp_path / "bad.tar.zst"
+    file.write_bytes(zstandard.compress(plain.getvalue()))
+    with pytest.raises(TablemapError, match="expected files of one run"):
+        unpack(file, tmp_path / "room" / "runs")
+    assert sorted(p.name for p in tmp_path.rglob("*")) == ["bad.tar.zst", "room", "runs"]
+
+
+def test_a_run_under_a_false_name_is_refused(run: RunFolder, tmp_path: Path) -> None:
+    """The folder is named as the manifest says."""
+    run.path.rename(run.path.with_name("other"))
+    renamed = load_run(run.path.with_name("other"))
+    file = pack(renamed, tmp_path / "a.tar.zst", with_input=False)
+    with pytest.raises(TablemapError, match="another name"):
+        unpack(file, tmp_path / "elsewhere")
+
+
+NOW = datetime(2026, 5, 10, tzinfo=UTC)
+
+
+@pytest.fixture
+def many(tmp_path: Path) -> Path:
+    """Runs of two recordings on the days of May that they are named after."""
+    folder = tmp_path / "runs"
+    for name, status in (
+        ("hall/01", "ok"),
+        ("hall/02", "failed"),
+        ("hall/03", "ok"),
+        ("lab/04", "running"),
+        ("lab/09", "ok"),
+    ):
+        model = rectangle_model() if status == "ok" else None
+        started = f"2026-05-{name[-2:]}T00:00:00+00:00"
+        make_run(folder, name, model, status=status, started=started)  # type: ignore[arg-type]
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("criteria", "expected"),
+    [
+        ({"older_than": timedelta(days=7)}, ["hall/01", "hall/02", "hall/03"]),
+        ({"older_than": timedelta(days=7), "keep": 1}, ["hall/01", "hall/02"]),
+        ({"keep": 1}, ["hall/01", "hall/02"]),
+        ({"status": ("failed",)}, ["hall/02"]),
+        ({"status": ("running",), "older_than": timedelta(days=1)}, ["lab/04"]),
+        ({"keep": 9}, []),
+    ],
+)
+def test_each_criterion_holds_what_it_must(
+    many: Path, criteria: dict[str, object], expected: list[str]
+) -> None:
+    """Together they let go what all of them let go."""
+    going = to_prune(list_runs(many), now=NOW, **criteria)  # type: ignore[arg-type]
+    assert [row.path for row in going] == expected
+
+
+def test_pruning_without_a_criterion_is_wrong_usage(many: Path) -> None:
+    """Not everything goes."""
+    with pytest.raises(ConfigError, match="which runs"):
+        to_prune(list_runs(many), now=NOW)
+
+
+def test_pruned_runs_are_gone_and_latest_names_what_is_left(many: Path) -> None:
+    """And a recording without runs leaves no folder."""
+    rows = {row.path: row for row in list_runs(many)}
+    prune(many, [rows["hall/03"]])
+    assert load_run(many / "hall").path.name == "01"
+    prune(many, [rows["lab/09"], rows["lab/04"]])
+    assert not (many / "lab").exists()
+    assert [row.path for row in list_runs(many)] == ["hall/01", "hall/02"]
+    assert json.loads((many / "hall/01/manifest.json").read_text())["status"] == "ok"

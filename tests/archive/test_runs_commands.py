@@ -1,0 +1,182 @@
+"""`tablemap runs ...` and `tablemap config`: results on stdout, in words and for scripts."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import tomllib
+from pathlib import Path
+
+import jsonschema
+import pytest
+from typer.testing import CliRunner, Result
+
+from tablemap import running
+from tablemap.archive import load_run
+from tablemap.cli import app
+from tablemap.config import Config, load_config
+from tablemap.errors import ConfigError, RecordingError, TablemapError
+from tests.archive.runs import make_run
+from tests.factory import rectangle_model
+
+
+def call(*arguments: object, code: int = 0) -> Result:
+    """Run the command in this process; what it raises is raised."""
+    done = CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
+    assert done.exit_code == code, done.output
+    return done
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    """A file that stands for a recording."""
+    file = tmp_path / "lap.mcap"
+    file.write_bytes(b"a recording")
+    return file
+
+
+@pytest.fixture
+def runs(recording: Path, tmp_path: Path) -> Path:
+    """Two runs of one recording, the second 6 mm longer, and a failed one."""
+    folder = tmp_path / "runs"
+    make_run(folder, "lap/a", rectangle_model(), recording=recording)
+    make_run(folder, "lap/b", rectangle_model(length=1.193), started="2026-05-02T00:00:00+00:00")
+    make_run(folder, "hall/c", None, status="failed", started="2026-05-03T00:00:00+00:00")
+    return folder
+
+
+def test_list_prints_columns_json_and_csv(runs: Path) -> None:
+    """The same runs each time."""
+    text = call("runs", "list", runs, "--sort", "-started").stdout.splitlines()
+    assert [line.split()[-1] for line in text] == ["run", "hall/c", "lap/b", "lap/a"]
+    assert "1.193 x 0.806" in text[2]
+    listed = json.loads(call("runs", "list", runs, "--json", "--shape", "rectangle").stdout)
+    assert [row["path"] for row in listed] == ["lap/a", "lap/b"]
+    table = call("runs", "list", runs, "--csv", "--where", "length>1.19").stdout
+    (row,) = csv.DictReader(io.StringIO(table))
+    assert (row["path"], row["length"]) == ("lap/b", "1.193")
+    nothing = call("runs", "list", runs, "--recording", "no*", "--json")
+    assert json.loads(nothing.stdout) == []
+
+
+def test_show_says_how_a_run_ended(runs: Path) -> None:
+    """With its model or without."""
+    text = call("runs", "show", runs / "lap/a").stdout
+    assert "rectangle" in text
+    assert "lap.mcap" in text
+    failed = call("runs", "show", runs / "hall/c").stdout
+    assert "why it is failed" in failed
+    document = json.loads(call("runs", "show", runs / "lap/a", "--json").stdout)
+    assert document["model"]["surface"]["height"]["value"] == 0.743
+    assert document["manifest"]["status"] == "ok"
+
+
+def test_compare_counts_sigmas_and_draws_both(runs: Path, tmp_path: Path) -> None:
+    """6 mm at 2 mm each; an SVG and an .rrd on demand."""
+    text = call("runs", "compare", runs / "lap/a", runs / "lap/b").stdout
+    (line,) = (line for line in text.splitlines() if line.startswith("length"))
+    assert line.split() == ["length", "1.187", "1.193", "6.0", "mm", "2.8", "mm", "2.1"]
+    output = tmp_path / "out"
+    done = call("runs", "compare", runs / "lap/a", runs / "lap/b", "--json", "-o", output)
+    assert json.loads(done.stdout)["words"]["shape"] == {"a": "rectangle", "b": "rectangle"}
+    assert "lap/b" in (output / "compare.svg").read_text()
+    from tablemap.review.checking import damage_of
+
+    assert damage_of(output / "compare.rrd") is None
+    assert sorted(p.name for p in output.iterdir()) == ["compare.rrd", "compare.svg"]
+    with pytest.raises(TablemapError, match="no table model"):
+        call("runs", "compare", runs / "lap/a", runs / "hall/c")
+
+
+def test_verify_exits_with_1_where_something_is_wrong(runs: Path) -> None:
+    """Here no review was written, and one model was changed."""
+    (runs / "lap/b/table.json").write_text(rectangle_model().to_json())
+    done = call("runs", "verify", runs / "lap/a", runs / "lap/b", "--json", code=1)
+    first, second = (json.loads(line) for line in done.stdout.splitlines())
+    assert {each["name"] for each in first["checks"] if each["outcome"] != "ok"} == {"review"}
+    outcomes = {each["name"]: each["outcome"] for each in second["checks"]}
+    assert (outcomes["table.json"], outcomes["recording"]) == ("changed", "unchecked")
+    assert "changed" in call("runs", "verify", runs / "lap/b", code=1).stdout
+
+
+def test_reprocess_takes_the_run_s_settings_and_the_changes(
+    runs: Path, recording: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Its recording, output folder, method and tables too."""
+    run = make_run(
+        runs, "lap/d", None, recording=recording, config=load_config(overrides=["seed=5"])
+    )
+    run.update(tables=(1.0, 2.0), method="report")
+    called: dict[str, object] = {}
+
+    def stand_in(recording: Path, **arguments: object) -> running.Outcome:
+        called.update(arguments, recording=recording)
+        return running.Outcome(recording, run, "ok", None, None)
+
+    monkeypatch.setattr(running, "run", stand_in)
+    done = call("runs", "reprocess", run.path, "--set", "topics.laser=/scan", "--json", "-q")
+    assert json.loads(done.stdout)["status"] == "ok"
+    config = called["config"]
+    assert isinstance(config, Config)
+    assert (config.seed, config.topics.laser) == (5, "/scan")
+    assert (called["recording"], called["output"]) == (recording, runs.resolve())
+    assert (called["method"], called["tables"]) == ("report", (1.0, 2.0))
+    with pytest.raises(ConfigError):
+        call("runs", "reprocess", run.path, "--set", "topics.nonsense=1")
+    recording.write_bytes(b"A RECORDING")
+    with pytest.raises(RecordingError, match="SHA-256"):
+        call("runs", "reprocess", run.path, "--output", tmp_path)
+
+
+def test_prune_only_lists_until_it_is_told(runs: Path) -> None:
+    """Then what was listed is gone."""
+    done = call("runs", "prune", runs, "--older-than", 1, "--keep", 1, "--json")
+    assert json.loads(done.stdout) == {"removed": False, "runs": ["lap/a"]}
+    assert (runs / "lap/a").is_dir()
+    done = call("runs", "prune", runs, "--older-than", 1, "--keep", 1, "--yes")
+    assert done.stdout.split() == [str(runs / "lap/a")]
+    assert not (runs / "lap/a").exists()
+    assert load_run(runs / "lap").path.name == "b"
+    assert json.loads(call("runs", "prune", runs, "--status", "ok", "--json").stdout)["runs"] == [
+        "lap/b"
+    ]
+
+
+def test_pack_and_unpack_bring_a_run_elsewhere(runs: Path, recording: Path, tmp_path: Path) -> None:
+    """With its recording."""
+    file = tmp_path / "lap.tar.zst"
+    done = call("runs", "pack", runs / "lap/a", "-o", file, "--input", "--json")
+    assert json.loads(done.stdout) == {"file": str(file)}
+    recording.unlink()
+    back = call("runs", "unpack", file, "--output", tmp_path / "other").stdout.strip()
+    assert Path(back) == tmp_path / "other" / "lap" / "a"
+    assert (Path(back) / "input" / "lap.mcap").read_bytes() == b"a recording"
+
+
+def test_config_prints_what_would_be_used(tmp_path: Path) -> None:
+    """Defaults, a file, and settings; what it prints is read back as the same."""
+    file = tmp_path / "mine.toml"
+    file.write_text("seed = 3\n[topics]\nlaser = '/a'\n")
+    text = call("config", "--config", file, "--set", "topics.laser=/b").stdout
+    assert tomllib.loads(text)["topics"]["laser"] == "/b"
+    (tmp_path / "again.toml").write_text(text)
+    again = load_config(tmp_path / "again.toml")
+    assert again == load_config(file, overrides=["topics.laser=/b"])
+    assert json.loads(call("config", "--json").stdout)["seed"] == 0
+
+
+def test_the_schemas_accept_what_is_written_and_nothing_else() -> None:
+    """By a validator that we did not write."""
+    schemas = json.loads(call("config", "--schema").stdout)
+    for schema in schemas.values():
+        jsonschema.Draft202012Validator.check_schema(schema)
+    settings = jsonschema.Draft202012Validator(schemas["config"])
+    assert settings.is_valid(Config().model_dump(mode="json"))
+    assert not settings.is_valid({"seed": -1})
+    assert not settings.is_valid({"nonsense": 1})
+    table = jsonschema.Draft202012Validator(schemas["table"])
+    document = json.loads(rectangle_model().to_json())
+    assert table.is_valid(document)
+    assert not table.is_valid({**document, "surface": None})
+    assert not table.is_valid({**document, "schema": "tablemap/table/2"})
