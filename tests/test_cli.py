@@ -15,22 +15,24 @@ import pytest
 from tests.test_demo import TABLEMAP, tablemap
 
 README = Path(__file__).resolve().parent.parent / "README.md"
-COMMANDS = ["process", "info", "view", "simulate", "evaluate"]
+COMMANDS = ["process", "info", "export", "view", "simulate", "evaluate", "config", "runs"]
+RUNS = ["list", "show", "compare", "verify", "reprocess", "prune", "pack", "unpack"]
 
 
 def test_help_names_every_command() -> None:
     """And this file knows them all."""
-    text = tablemap("--help").stdout
-    listed = re.findall(r"^  ([a-z]+)  ", text.split("Commands:")[1], flags=re.M)
-    assert sorted(listed) == sorted(COMMANDS)
+    for group, known in ((), COMMANDS), (("runs",), RUNS):
+        text = tablemap(*group, "--help").stdout
+        listed = re.findall(r"^  ([a-z]+)  ", text.split("Commands:")[1], flags=re.M)
+        assert sorted(listed) == sorted(known)
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", [*COMMANDS, *(f"runs {name}" for name in RUNS)])
 def test_the_readme_has_every_command_and_option(command: str) -> None:
     """What is not documented is not there."""
     readme = README.read_text(encoding="utf-8")
     assert f"`{command}" in readme or f"tablemap {command}" in readme
-    options = set(re.findall(r"(?<![\w-])(--[a-z-]+)", tablemap(command, "--help").stdout))
+    options = set(re.findall(r"(?<![\w-])(--[a-z-]+)", tablemap(*command.split(), "--help").stdout))
     assert options
     assert not {option for option in options if option not in readme}
 

@@ -9,9 +9,11 @@ import re
 import subprocess
 import sys
 import tomllib
+from collections import Counter
 from pathlib import Path
 
 import pytest
+from rerun.chunk import RrdReader
 
 from tablemap.archive import load_run
 from tablemap.evaluation.metrics import Score, score
@@ -90,7 +92,14 @@ def test_the_run_folder_keeps_the_contract(
     """Files, manifest, and ``latest``."""
     run = finished[0]
     names = {path.name for path in run.iterdir()}
-    assert names == {"run.rrd", "table.json", "manifest.json", "config.toml", "trajectory.tum"}
+    assert names == {
+        "run.rrd",
+        "report.html",
+        "table.json",
+        "manifest.json",
+        "config.toml",
+        "trajectory.tum",
+    }
     manifest = json.loads((run / "manifest.json").read_text())
     assert manifest["status"] == "ok"
     assert len(manifest["recording"]["sha256"]) == 64
@@ -99,6 +108,44 @@ def test_the_run_folder_keeps_the_contract(
     assert (run.parent / "latest").resolve() == run
     assert load_run(run.parent).path == run.resolve()
     assert (run / "run.rrd").stat().st_size < 10_000_000
+
+
+def test_the_review_is_read_back(finished: tuple[Path, object]) -> None:
+    """Images and views as many as the model has snapshots; its figures as in table.json."""
+    model = TableModel.load(finished[0])
+    rows: Counter[str] = Counter()
+    texts: dict[str, list[str]] = {}
+    timelines: set[str] = set()
+    for chunk in RrdReader(finished[0] / "run.rrd").stream():
+        timelines |= set(chunk.timeline_names)
+        if not chunk.is_static:
+            rows[chunk.entity_path] += chunk.num_rows
+        if chunk.entity_path in ("/model/dimensions", "/summary"):
+            columns = chunk.to_record_batch().to_pydict()
+            texts.setdefault(chunk.entity_path, []).append(str(columns))
+    assert timelines == {"sensor_time", "snapshot", "stage", "iteration"}
+    used = sum(snapshot.used for snapshot in model.snapshots)
+    for path in ("/camera/depth", "/segmentation/labels", "/segmentation/points"):
+        assert rows[path] == len(model.snapshots)
+    for part in ("scan", "top"):
+        for moment in ("before", "after"):
+            shown = [path for path in rows if path.startswith(f"/registration/{moment}/{part}/")]
+            assert len(shown) == used
+    assert len([path for path in rows if path.startswith("/model/legs/")]) == len(model.legs)
+    for name, figure in model.surface.dimensions.items():
+        assert f"{name} {figure.value:.3f} m" in texts["/model/dimensions"][-1]
+    assert model.verdict.level in texts["/summary"][-1]
+
+
+def test_the_report_has_the_model_s_figures(finished: tuple[Path, object]) -> None:
+    """And where they come from."""
+    html = (finished[0] / "report.html").read_text(encoding="utf-8")
+    model, manifest = TableModel.load(finished[0]), load_run(finished[0]).manifest
+    for figure in (*model.surface.dimensions.values(), model.surface.height):
+        assert f"{figure.value:.4f} m" in html
+    assert manifest.recording.sha256 is not None
+    assert manifest.recording.sha256 in html
+    assert model.verdict.level in html
 
 
 def test_the_trajectory_covers_the_drive(finished: tuple[Path, object]) -> None:
@@ -127,6 +174,22 @@ def test_the_written_config_repeats_the_run_byte_for_byte(
     assert model.read_bytes() == (run / "table.json").read_bytes()
 
 
+def test_what_is_done_is_not_done_again(
+    finished: tuple[Path, object], demo_recording: Path
+) -> None:
+    """The same line, of the same run, in no time; and the run is what was written."""
+    run = finished[0]
+    again = tablemap("process", demo_recording, "--output", run.parent.parent, "--json")
+    assert json.loads(again.stdout)["run"] == str(run)
+    assert "--again" in again.stderr
+    assert [path.name for path in run.parent.iterdir() if not path.is_symlink()] == [run.name]
+    verified = tablemap("runs", "verify", run, "--json")
+    assert verified.returncode == 0, verified.stdout
+    checks = {check["name"]: check["outcome"] for check in json.loads(verified.stdout)["checks"]}
+    assert set(checks.values()) == {"ok"}
+    assert {"run.rrd", "review", "recording", "settings"} <= checks.keys()
+
+
 def test_a_recording_that_was_cut_short_is_used_and_said_to_be(
     demo_recording: Path, tmp_path: Path
 ) -> None:
@@ -151,7 +214,7 @@ def test_one_bad_recording_does_not_stop_the_next(demo_recording: Path, tmp_path
     assert [line["status"] for line in lines] == ["failed", "ok"]
     assert done.returncode == 1
     failed = Path(lines[0]["run"])
-    assert {"manifest.json", "run.rrd"} <= {path.name for path in failed.iterdir()}
+    assert {"manifest.json", "report.html", "run.rrd"} <= {path.name for path in failed.iterdir()}
     assert not (failed / "table.json").exists()
 
 

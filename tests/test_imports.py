@@ -12,7 +12,7 @@ import pytest
 PACKAGE = Path(__file__).resolve().parent.parent / "tablemap"
 
 ALLOWED = {
-    "typer": ["cli.py"],
+    "typer": ["cli/"],
     "mcap": ["recording/", "simulation/"],
     "mcap_protobuf": ["recording/"],
     "rosbags": ["recording/", "simulation/"],

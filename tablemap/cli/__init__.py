@@ -1,0 +1,22 @@
+"""The command line: parse, call the library, print; a module a command.
+
+Results go to stdout, words for people to stderr. Heavy imports wait inside the commands.
+"""
+
+from __future__ import annotations
+
+from tablemap.cli.app import app, main
+from tablemap.cli.config import config
+from tablemap.cli.evaluate import evaluate
+from tablemap.cli.export import export
+from tablemap.cli.info import info
+from tablemap.cli.process import process
+from tablemap.cli.runs import runs_app
+from tablemap.cli.simulate import simulate
+from tablemap.cli.view import view
+
+__all__ = ["app", "main"]
+
+for command in (process, info, view, export, simulate, evaluate, config):
+    app.command()(command)
+app.add_typer(runs_app, name="runs", help="List, compare, check, repeat, remove and move runs.")

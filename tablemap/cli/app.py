@@ -1,0 +1,68 @@
+"""The application: what went wrong becomes one sentence and an exit code."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from types import FrameType
+from typing import Annotated
+
+import typer
+
+from tablemap import __version__
+from tablemap.errors import ConfigError, TablemapError
+
+app = typer.Typer(
+    name="tablemap",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def main() -> None:
+    """Run the command line; turn what went wrong into one sentence and an exit code."""
+    terminated = False
+
+    def terminate(_signal: int, _frame: FrameType | None) -> None:
+        nonlocal terminated
+        terminated = True
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGTERM, terminate)
+    try:
+        app()
+    except SystemExit as end:
+        sys.exit(143 if terminated and end.code == 130 else end.code)
+    except Exception as error:
+        if "--debug" in sys.argv:
+            raise
+        sentence = str(error) if isinstance(error, TablemapError) else _defect(error)
+        typer.echo(f"tablemap: {sentence}", err=True)
+        sys.exit(2 if isinstance(error, ConfigError) else 1)
+
+
+def _defect(error: Exception) -> str:
+    return (
+        f"this is a defect of tablemap: {type(error).__name__}: {error}; "
+        "run again with --debug and report what it prints."
+    )
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"tablemap {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def tablemap(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", help="Print the version.", callback=_print_version, is_eager=True
+        ),
+    ] = False,
+) -> None:
+    """Turn a robot's recording of a table into a model of the table."""

@@ -1,0 +1,117 @@
+"""``tablemap evaluate``: models against the truth."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from tablemap.cli.options import Debug, Json
+from tablemap.cli.printing import stderr_console
+
+if TYPE_CHECKING:
+    from tablemap.evaluation.aggregate import RunScore
+
+
+def evaluate(
+    paths: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            help="Run folders, or recordings with NAME.truth.json beside them; none: a suite.",
+            metavar="PATH",
+        ),
+    ] = None,
+    truth: Annotated[
+        Path | None,
+        typer.Option("--truth", help="The truth of a run's recording.", metavar="FILE"),
+    ] = None,
+    suite: Annotated[
+        str, typer.Option("--suite", help="report, hard, all, or one scenario's name.")
+    ] = "report",
+    seeds: Annotated[int, typer.Option("--seeds", min=1, help="Seeds a scenario.")] = 3,
+    first_seed: Annotated[int, typer.Option("--first-seed", min=0, help="The first seed.")] = 0,
+    nominal: Annotated[
+        bool, typer.Option("--nominal", help="Keep the scenarios' sizes; draw the rest.")
+    ] = False,
+    method: Annotated[
+        Literal["both", "tablemap", "report"], typer.Option("--method", help="Which to score.")
+    ] = "both",
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Folder of the scores.", metavar="DIR")
+    ] = Path("scores"),
+    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Processes at once.")] = 2,
+    tables: Annotated[
+        bool, typer.Option("--tables", help="Print the report's tables: published, its, ours.")
+    ] = False,
+    config: Annotated[
+        Path | None, typer.Option("--config", help="Settings in TOML.", metavar="FILE")
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="One setting; repeatable.", metavar="SECTION.KEY=VALUE"),
+    ] = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Score models against the truth: run folders, recordings, or a suite of scenarios."""
+    from tablemap.config import load_config
+    from tablemap.evaluation import suite as suites
+    from tablemap.evaluation.tables import markdown, report_tables, score_rows
+
+    resolved = load_config(config, overrides=settings or ())
+    methods = suites.METHODS if method == "both" else (method,)
+    runs = [path for path in paths or [] if path.is_dir()]
+    if runs:
+        if len(runs) != len(paths or []):
+            raise typer.BadParameter("give run folders or recordings, not both.")
+        scored = [suites.score_run(run, truth) for run in runs]
+        evaluation = suites.Evaluation("runs", (), tuple(scored))
+    else:
+        if truth:
+            raise typer.BadParameter("--truth goes with a run folder.")
+        cases = suites.cases_of(
+            suite if not tables else "report",
+            recordings=paths or [],
+            seeds=range(first_seed, first_seed + seeds),
+            methods=methods,
+            nominal=nominal or tables,
+        )
+        with _cases(len(cases) * len(methods)) as progress:
+            scored = suites.evaluate(
+                cases, config=resolved, output=output, jobs=jobs, progress=progress
+            )
+        name = "recordings" if paths else suite
+        used = () if paths else tuple(range(first_seed, first_seed + seeds))
+        evaluation = suites.Evaluation(name, used, tuple(scored))
+        suites.save(evaluation, output)
+        typer.echo(f"scores in {output}", err=True)
+    if as_json:
+        typer.echo(json.dumps(evaluation.figures(), indent=1))
+    elif tables:
+        for title, rows in report_tables(evaluation.runs).items():
+            typer.echo(f"{title}\n\n{markdown(rows)}")
+    else:
+        typer.echo(markdown(score_rows(evaluation.figures())))
+
+
+@contextmanager
+def _cases(total: int) -> Iterator[Callable[[RunScore], None]]:
+    """Show on stderr how many runs are scored, and each one that failed."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedColumn
+
+    console = stderr_console()
+    with Progress(
+        BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=console, transient=True
+    ) as bar:
+        task = bar.add_task("", total=total)
+
+        def progress(run: RunScore) -> None:
+            bar.advance(task)
+            if run.error:
+                bar.print(f"{run.scenario} {run.seed} {run.method} failed: {run.error}")
+
+        yield progress

@@ -1,0 +1,61 @@
+"""``tablemap export``: a run's tables for other programs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tablemap.cli.options import Debug, Json
+
+
+def export(
+    run: Annotated[Path, typer.Argument(help="Run folder, or a table.json.", metavar="RUN")],
+    formats: Annotated[
+        list[str],
+        typer.Option(
+            "--to",
+            help="sdf, gazebo, urdf, moveit, nav2, glb, obj, ply, geojson or svg; repeatable.",
+            metavar="FORMAT",
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Folder of the formats' folders, or a file such as table.glb; else RUN/exports.",
+            metavar="PATH",
+        ),
+    ] = None,
+    padding: Annotated[
+        float | None,
+        typer.Option("--padding", min=0, help="Round a keep-out area.", metavar="METRES"),
+    ] = None,
+    config: Annotated[
+        Path | None, typer.Option("--config", help="Settings in TOML.", metavar="FILE")
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="An export setting; repeatable.", metavar="EXPORT.KEY=VALUE"),
+    ] = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Write a RUN's tables in the formats of other programs."""
+    from tablemap.config import load_config
+    from tablemap.export import export_run
+
+    overrides = [*(settings or ()), *([] if padding is None else [f"export.padding={padding}"])]
+    resolved = load_config(config, overrides=overrides).export
+    exported = export_run(run, formats, output=output, config=resolved)
+    for warning in exported.warnings:
+        typer.echo(f"warning: {warning.code}: {warning.message}", err=True)
+    files = [str(file) for file in exported.files]
+    if as_json:
+        entries = [{"code": w.code, "message": w.message} for w in exported.warnings]
+        typer.echo(json.dumps({"files": files, "warnings": entries}, indent=1))
+    else:
+        typer.echo("\n".join(files))

@@ -1,0 +1,62 @@
+"""``tablemap info``: what a recording holds and lacks."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tablemap.cli.options import Debug, Json
+
+if TYPE_CHECKING:
+    from tablemap.recording import RecordingInfo
+
+
+def info(
+    recording: Annotated[Path, typer.Argument(help="MCAP recording.", metavar="RECORDING")],
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="A topics setting; repeatable.", metavar="TOPICS.KEY=NAME"),
+    ] = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Show a RECORDING's topics, roles and frames, and what is missing for processing."""
+    from tablemap.config import load_config
+    from tablemap.recording import inspect
+
+    found = inspect(recording, topics=load_config(overrides=settings or ()).topics)
+    if as_json:
+        typer.echo(json.dumps(found.to_dict(), indent=1))
+    else:
+        typer.echo("\n".join(_info_lines(found)))
+
+
+def _info_lines(found: RecordingInfo) -> Iterator[str]:
+    from datetime import UTC, datetime
+
+    start = datetime.fromtimestamp(found.start_ns / 1e9, UTC)
+    megabytes = found.size_bytes / 1e6
+    yield f"{found.path}: {megabytes:.1f} MB, {found.messages} messages, {found.profile}"
+    yield f"{start:%Y-%m-%d %H:%M:%S} UTC, {found.duration_s:.1f} s"
+    yield "\ntopics"
+    for topic in sorted(found.topics, key=lambda topic: (topic.role is None, topic.name)):
+        rate = "" if topic.rate_hz is None else f" at {topic.rate_hz:.1f} Hz"
+        detail = f"; {topic.detail}" if topic.detail else ""
+        yield f"  {topic.role or '-':<12} {topic.name}"
+        yield f"  {'':<12} {topic.count}{rate}, {topic.schema}{detail}"
+        if topic.problem:
+            yield f"  {'':<12} {topic.problem}"
+    yield "\nframes" + (" (sampled)" if found.frames_sampled else "")
+    yield from (f"  {line}" for line in found.tree_lines())
+    if roles := found.frame_roles:
+        yield f"  fixed: {roles.fixed}, odometry: {roles.odom or 'none'}, base: {roles.base}"
+        yield f"  camera: {roles.camera}, laser: {roles.laser or 'none'}"
+    yield ""
+    yield from (f"warning: {warning.code}: {warning.message}" for warning in found.warnings)
+    yield from (f"missing: {missing}" for missing in found.missing)
+    if not found.missing:
+        yield f"ready: tablemap process {found.path}"

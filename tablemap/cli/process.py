@@ -1,0 +1,216 @@
+"""``tablemap process``: recordings in, run folders out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from tablemap.cli.options import Debug
+from tablemap.cli.printing import aligned, outcome_line, outcome_rows, print_model, stderr_console
+from tablemap.errors import TablemapError
+
+if TYPE_CHECKING:
+    from tablemap.batch import Job
+    from tablemap.config import Config
+    from tablemap.pipeline import Tables
+    from tablemap.running import Follow, Outcome
+
+
+def process(
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(help="MCAP recordings, globs, or @list.txt.", metavar="RECORDING"),
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Folder of run folders.", metavar="DIR")
+    ] = Path("runs"),
+    config: Annotated[
+        Path | None, typer.Option("--config", help="Settings in TOML.", metavar="FILE")
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="One setting; repeatable.", metavar="SECTION.KEY=VALUE"),
+    ] = None,
+    near: Annotated[
+        tuple[float, float] | None,
+        typer.Option("--near", help="The table nearest to this place in the map.", metavar="X Y"),
+    ] = None,
+    every_table: Annotated[
+        bool, typer.Option("--all", help="Model every table; the others go to tables/NN.json.")
+    ] = False,
+    method: Annotated[
+        Literal["tablemap", "report"],
+        typer.Option("--method", help="Our method, or the bachelor report's as the baseline."),
+    ] = "tablemap",
+    formats: Annotated[
+        list[str] | None,
+        typer.Option("--export", help="Write exports/FORMAT too; repeatable.", metavar="FORMAT"),
+    ] = None,
+    jobs: Annotated[
+        int, typer.Option("--jobs", "-j", min=1, help="Recordings processed at once.")
+    ] = 1,
+    again: Annotated[
+        bool, typer.Option("--again", help="Process also what DIR holds a same run of.")
+    ] = False,
+    level: Annotated[
+        Literal["standard", "full", "off"] | None,
+        typer.Option("--review", help="What run.rrd carries: every image, or the model alone."),
+    ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Show the run in the Rerun Viewer while it goes on.")
+    ] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON line a recording on stdout.")
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors alone.")] = False,
+    debug: Debug = False,
+) -> None:
+    """Model the table in each RECORDING; every step goes into DIR/<recording>/<run>/run.rrd."""
+    from rich.console import Console
+
+    from tablemap.batch import Job, expand
+    from tablemap.config import load_config
+
+    if every_table and near is not None:
+        raise typer.BadParameter("--near and --all exclude each other.")
+    tables: Tables = near or ("all" if every_table else "best")
+    chosen = [f"review.level={level}"] if level else []
+    resolved = load_config(config, overrides=[*(settings or ()), *chosen])
+    if formats:
+        from tablemap.export import check_formats
+
+        check_formats(formats)
+    outcomes = []
+    exported = True
+    paths = expand([str(path) for path in recordings])
+    job = Job(output, resolved, method, tables, follow=_follow(live=live))
+    for outcome in _outcomes(paths, job, jobs=jobs, again=again, quiet=quiet):
+        outcomes.append(outcome)
+        if as_json:
+            typer.echo(json.dumps(outcome_line(outcome)))
+        elif outcome.error and outcome.status == "failed":
+            typer.echo(f"tablemap: {outcome.error}", err=True)
+        if outcome.model and outcome.run and not quiet and len(paths) == 1:
+            console = stderr_console() if as_json else Console(highlight=False)
+            print_model(outcome.model, outcome.run.path, console=console)
+        if outcome.model and outcome.run and formats:
+            exported &= _export_processed(outcome.run.path, formats, resolved, quiet=quiet)
+    if len(paths) > 1 and not quiet:
+        typer.echo(aligned(outcome_rows(outcomes)), err=as_json)
+    statuses = {outcome.status for outcome in outcomes}
+    failed = "failed" in statuses or not exported
+    raise typer.Exit(1 if failed else 3 if "partial" in statuses else 0)
+
+
+def _follow(*, live: bool) -> Follow:
+    """Return what passes a run on to the viewer; a missing viewer is a warning on stderr."""
+    if live:
+        from tablemap.review.live import followed, start_viewer
+
+        try:
+            start_viewer()
+        except TablemapError as error:
+            typer.echo(f"warning: nothing is shown live: {error}", err=True)
+        else:
+            return followed
+    return nullcontext
+
+
+def _export_processed(run: Path, formats: list[str], config: Config, *, quiet: bool) -> bool:
+    """Write a new run's exports; return False, with the reason on stderr, where that fails."""
+    from tablemap.export import export_run
+
+    try:
+        exported = export_run(run, formats, config=config.export)
+    except TablemapError as error:
+        typer.echo(f"tablemap: {error}", err=True)
+        return False
+    if not quiet:
+        for warning in exported.warnings:
+            typer.echo(f"warning: {warning.code}: {warning.message}", err=True)
+    return True
+
+
+def _outcomes(
+    recordings: list[Path], job: Job, *, jobs: int, again: bool, quiet: bool
+) -> Iterator[Outcome]:
+    """Take what is done already from its run; process the rest, here or in processes."""
+    from tablemap.batch import done_already
+    from tablemap.running import Outcome
+
+    waiting = []
+    for recording in recordings:
+        held = None if again else done_already(recording, job)
+        if held is None:
+            waiting.append(recording)
+            continue
+        if not quiet:
+            words = f"{recording} is done already; --again processes it once more"
+            typer.echo(words, err=True)
+        status: Literal["ok", "partial"] = "partial" if held.manifest.status == "partial" else "ok"
+        yield Outcome(recording, held, status, held.manifest.error, held.model)
+    if jobs > 1 and len(waiting) > 1:
+        yield from _in_processes(waiting, job, jobs=jobs, quiet=quiet)
+        return
+    for recording in waiting:
+        yield process_one(recording, partial(job, recording), quiet=quiet)
+
+
+def _in_processes(recordings: list[Path], job: Job, *, jobs: int, quiet: bool) -> Iterator[Outcome]:
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from tablemap.batch import process_many
+
+    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
+    with Progress(
+        *columns, TimeElapsedColumn(), console=stderr_console(), transient=True, disable=quiet
+    ) as bar:
+        task = bar.add_task("", total=len(recordings))
+        for outcome in process_many(
+            recordings,
+            job,
+            jobs=jobs,
+            progress=lambda path, stage: bar.update(task, description=f"{path.name} {stage.name}"),
+        ):
+            bar.advance(task)
+            yield outcome
+
+
+def process_one(
+    path: Path, process_to: Callable[[Callable[[object], None]], Outcome], *, quiet: bool
+) -> Outcome:
+    """Run what is given with a progress bar that names the stage."""
+    from tablemap.record import StageStarted, ignore
+
+    if quiet:
+        return process_to(ignore)
+    with _progress(path.name) as advance:
+
+        def progress(event: object) -> None:
+            if isinstance(event, StageStarted):
+                advance(event.name, event.index)
+
+        return process_to(progress)
+
+
+@contextmanager
+def _progress(name: str) -> Iterator[Callable[[str, int], None]]:
+    """Show a bar on stderr that names the stage; the given function moves it on."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from tablemap.pipeline import STAGES
+
+    columns = (
+        TextColumn("{task.fields[recording]}"),
+        BarColumn(),
+        TextColumn("{task.description}"),
+    )
+    with Progress(*columns, TimeElapsedColumn(), console=stderr_console(), transient=True) as bar:
+        task = bar.add_task("opening", total=len(STAGES), recording=name)
+        yield lambda stage, index: bar.update(task, description=stage, completed=index)

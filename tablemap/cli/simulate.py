@@ -1,0 +1,42 @@
+"""``tablemap simulate``: a recording of a table that never was."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from tablemap.cli.options import Debug
+
+
+def simulate(
+    scenario: Annotated[
+        str, typer.Argument(help="Name of a scenario, or a TOML file.", metavar="SCENARIO")
+    ] = "",
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="The MCAP to write.", metavar="FILE")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Draws sizes, places, noise.")] = 0,
+    nominal: Annotated[
+        bool, typer.Option("--nominal", help="Keep the scenario's sizes; draw the rest.")
+    ] = False,
+    profile: Annotated[
+        Literal["ros1", "ros2"], typer.Option("--profile", help="Messages of ROS 1 or ROS 2.")
+    ] = "ros1",
+    listing: Annotated[bool, typer.Option("--list", help="List the scenarios instead.")] = False,
+    debug: Debug = False,
+) -> None:
+    """Write a recording of a simulated table, and NAME.truth.json beside it."""
+    from tablemap.simulation import load_scenario, scenario_names, write
+    from tablemap.simulation import simulate as simulate_scenario
+
+    if listing:
+        for name in scenario_names():
+            typer.echo(name)
+        return
+    if not scenario or output is None:
+        raise typer.BadParameter("give a SCENARIO and --output FILE, or --list.")
+    world = simulate_scenario(load_scenario(scenario), seed=seed, nominal=nominal)
+    write(world, output, profile=profile)
+    typer.echo(output)
