@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tablemap.cli.options import Debug, Json
+from tablemap.cli.options import ConfigFile, Debug, Json, Settings
 
 if TYPE_CHECKING:
     pass
@@ -18,13 +17,8 @@ def config(
     schema: Annotated[
         bool, typer.Option("--schema", help="JSON Schemas of settings and table.json instead.")
     ] = False,
-    file: Annotated[
-        Path | None, typer.Option("--config", help="Settings in TOML.", metavar="FILE")
-    ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="One setting; repeatable.", metavar="SECTION.KEY=VALUE"),
-    ] = None,
+    file: ConfigFile = None,
+    settings: Settings = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from tablemap.cli.options import Debug, Json
+from tablemap.cli.options import ConfigFile, Debug, Json, Settings
 from tablemap.cli.printing import stderr_console
 
 if TYPE_CHECKING:
@@ -47,13 +47,8 @@ def evaluate(
     tables: Annotated[
         bool, typer.Option("--tables", help="Print the report's tables: published, its, ours.")
     ] = False,
-    config: Annotated[
-        Path | None, typer.Option("--config", help="Settings in TOML.", metavar="FILE")
-    ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="One setting; repeatable.", metavar="SECTION.KEY=VALUE"),
-    ] = None,
+    config: ConfigFile = None,
+    settings: Settings = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from tablemap.cli.options import Debug, Json
+from tablemap.cli.options import ConfigFile, Debug, Json
 
 
 def export(
@@ -34,9 +34,7 @@ def export(
         float | None,
         typer.Option("--padding", min=0, help="Round a keep-out area.", metavar="METRES"),
     ] = None,
-    config: Annotated[
-        Path | None, typer.Option("--config", help="Settings in TOML.", metavar="FILE")
-    ] = None,
+    config: ConfigFile = None,
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", help="An export setting; repeatable.", metavar="EXPORT.KEY=VALUE"),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from tablemap.cli.options import Debug
+from tablemap.cli.options import ConfigFile, Debug, Settings
 from tablemap.cli.printing import aligned, outcome_line, outcome_rows, print_model, stderr_console
 from tablemap.errors import TablemapError
 
@@ -30,13 +30,8 @@ def process(
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Folder of run folders.", metavar="DIR")
     ] = Path("runs"),
-    config: Annotated[
-        Path | None, typer.Option("--config", help="Settings in TOML.", metavar="FILE")
-    ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="One setting; repeatable.", metavar="SECTION.KEY=VALUE"),
-    ] = None,
+    config: ConfigFile = None,
+    settings: Settings = None,
     near: Annotated[
         tuple[float, float] | None,
         typer.Option("--near", help="The table nearest to this place in the map.", metavar="X Y"),
