@@ -279,6 +279,15 @@ class SurfaceConfig(Section):
     cell_margin: float = Field(
         default=0.015, ge=0, description="metres a vote may lie beyond an edge"
     )
+    corner_resolution: float = Field(
+        default=0.01, gt=0, description="radius that pixels make of a sharp corner, at most"
+    )
+    symmetry_cost: float = Field(
+        default=5.0,
+        ge=0,
+        description="of equal axes or a right angle given up: what BIC lacks of 2 ln(half a metre "
+        "over a millimetre), or of a right angle over a tenth of a degree",
+    )
     cell_cost: float = Field(default=1.0, ge=0, description="what one contradicting cell costs")
     sigma_floor: float = Field(default=0.0005, gt=0, description="metres; least edge point sigma")
     loss_sigmas: float = Field(default=4.0, gt=0, description="scale of the robust loss")

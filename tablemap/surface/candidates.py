@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 
 from tablemap.config import SurfaceConfig
 from tablemap.geometry import Floats
-from tablemap.surface.choice import assumed_noise, criterion, estimate_noise
+from tablemap.surface.choice import assumed_noise, criterion, dispersion_of, estimate_noise
 from tablemap.surface.curved import Circle, RoundedRectangle
 from tablemap.surface.evidence import Evidence
 from tablemap.surface.joint import (
@@ -119,7 +119,45 @@ def _weighed(
     hull = _hull_candidate(evidence, config, noise, candidates)
     if hull is not None:
         candidates.append(hull)
-    return sorted(candidates, key=lambda candidate: candidate.cost)
+    if not candidates:
+        return []
+    closest = min((candidate.fit for candidate in candidates), key=_raw_cost)
+    weighed = [_weigh(each, evidence, config, dispersion_of(closest)) for each in candidates]
+    return sorted(_unbent(weighed, evidence, config), key=lambda candidate: candidate.cost)
+
+
+def _weigh(
+    candidate: Candidate, evidence: Evidence, config: SurfaceConfig, dispersion: float
+) -> Candidate:
+    """Give a candidate its cost in the light of how closely any of them follows the points."""
+    fit = candidate.fit
+    size = len(fit.shape.parameters)
+    return replace(candidate, cost=criterion(fit, size, evidence, config, dispersion=dispersion))
+
+
+def _unbent(
+    candidates: list[Candidate], evidence: Evidence, config: SurfaceConfig
+) -> list[Candidate]:
+    """Discount a skew by what a bent drive would make of a rectangle.
+
+    What speaks for an angle, d^2 / sigma^2, is worth d^2 / (sigma^2 + skew^2) where the poses may
+    be bent by ``Evidence.skew_sigma``.
+    """
+    upright = [c for c in candidates if isinstance(c.fit.shape, Rectangle)]
+    if not evidence.skew_sigma or not upright:
+        return candidates
+    rectangle = upright[0]
+    result = []
+    for each in candidates:
+        if isinstance(each.fit.shape, Parallelogram):
+            effective = max(len(each.fit.distance) / each.fit.noise.kappa, 2.0)
+            penalty = float(np.log(effective)) + config.symmetry_cost
+            advantage = max(rectangle.cost - (each.cost - penalty), 0.0)
+            variance = float(each.fit.covariance[5, 5])
+            share = variance / (variance + evidence.skew_sigma**2)
+            each = replace(each, cost=rectangle.cost + penalty - share * advantage)
+        result.append(each)
+    return result
 
 
 def _settle(
@@ -207,8 +245,8 @@ def _seen_from(fit: JointFit, evidence: Evidence, config: SurfaceConfig, noise: 
 def _is_supported(fit: JointFit, config: SurfaceConfig) -> bool:
     """Say whether the evidence can speak for this shape at all.
 
-    A square needs both its sizes; a free polygon, all its sides; a rounded corner, a radius of more
-    than three sigmas.
+    A square needs both its sizes; a free polygon, all its sides; a rounded corner, a radius beyond
+    what a pixel makes of a sharp one, by three sigmas.
     """
     shape = fit.shape
     if not shape.is_plausible() or not np.isfinite(fit.data_cost):
@@ -222,7 +260,8 @@ def _is_supported(fit: JointFit, config: SurfaceConfig) -> bool:
         # Nothing says where a free side runs that was not seen.
         return UNSEEN not in statuses(shape, sights(fit), config)
     if isinstance(shape, RoundedRectangle):
-        return bool(shape.parameters[5] > 3 * np.sqrt(fit.covariance[5, 5]))
+        least = config.corner_resolution + 3 * np.sqrt(fit.covariance[5, 5])
+        return bool(shape.parameters[5] > least)
     return True
 
 

@@ -12,6 +12,9 @@ from tablemap.surface.shapes import centroid, signed_distance
 
 _MOST_LAGS = 40
 
+BROKEN_SYMMETRIES = {"circle": 0, "square": 0, "ellipse": 1, "rectangle": 1}
+"""How many of equal axes and right angles a shape gives up; the others both."""
+
 
 def assumed_noise(evidence: Evidence, config: SurfaceConfig) -> Noise:
     """What is assumed of the scatter before there is a fit to look at."""
@@ -72,25 +75,44 @@ def _kappa_range(evidence: Evidence, config: SurfaceConfig) -> tuple[float, floa
     return least, max(config.correlation_maximum_px / evidence.spacing_px, least)
 
 
-def criterion(fit: JointFit, parameters: int, evidence: Evidence, config: SurfaceConfig) -> float:
+def criterion(
+    fit: JointFit,
+    parameters: int,
+    evidence: Evidence,
+    config: SurfaceConfig,
+    *,
+    dispersion: float = 1.0,
+) -> float:
     """Return the Bayesian information criterion, lower is better.
 
-    Robust squared residuals over kappa, plus parameters times the logarithm of the effective count,
-    plus what the nuisances strain their priors, plus the cells that contradict the outline.
+    Robust squared residuals over kappa and what the nuisances strain their priors, both over the
+    ``dispersion`` (QBIC; Burnham and Anderson 2002, ch. 2.5), plus parameters times the logarithm
+    of the effective count, plus the cells that contradict the outline, plus the cost of each
+    symmetry that the shape breaks.
     """
     effective = max(len(fit.distance) / fit.noise.kappa, 2.0)
+    broken = BROKEN_SYMMETRIES.get(fit.shape.name, 2)
     return (
-        fit.data_cost / fit.noise.kappa
-        + fit.prior_cost
+        (fit.data_cost / fit.noise.kappa + fit.prior_cost) / dispersion
         + parameters * float(np.log(effective))
         + config.cell_cost * contradicting_cells(fit.shape.outline(), evidence, config)
+        + config.symmetry_cost * broken
     )
+
+
+def dispersion_of(fit: JointFit) -> float:
+    """Return by how much the closest fit's points scatter beyond their sigmas, at least 1.
+
+    Where no model follows the points to their sigmas, what all miss is no evidence for one.
+    """
+    return max(fit.data_cost / max(len(fit.distance), 1), 1.0)
 
 
 def contradicting_cells(outline: Floats, evidence: Evidence, config: SurfaceConfig) -> int:
     """Count cells seen as top beyond the outline, or seen through within it."""
-    beyond = signed_distance(evidence.top, outline) > config.cell_margin
-    within = signed_distance(evidence.free, outline) < -config.cell_margin
+    margin = max(config.cell_margin, 2.0 * evidence.pose_sigma)
+    beyond = signed_distance(evidence.top, outline) > margin
+    within = signed_distance(evidence.free, outline) < -margin
     return int(beyond.sum() + within.sum())
 
 

@@ -27,7 +27,9 @@ class Evidence:
     normals, so the relative covariance's null space (the mean pose) stays where it is. ``top`` and
     ``free`` (c, 2) are centres of cells of ``cell`` metres. ``spacing_px`` is the typical distance
     between neighbouring edge points of a view. ``common_mean`` and ``common_sigma`` (5,)
-    are the priors of the nuisances that all views share.
+    are the priors of the nuisances that all views share. ``pose_sigma`` is how well a view's
+    place is known (metres, the views' median), ``skew_sigma`` (radians) by how much the drive may
+    be bent: poses from depth alone share what is systematic about the camera, the laser's do not.
     """
 
     origin: Floats
@@ -49,6 +51,8 @@ class Evidence:
     normals: Floats
     common_mean: Floats
     common_sigma: Floats
+    pose_sigma: float
+    skew_sigma: float
 
     def thinned(self, most: int) -> Evidence:
         """Return the same with about ``most`` of the edge points, evenly along each contour."""
@@ -139,6 +143,8 @@ def gather(
         normals=turn(normal, poses[index, 2]),
         common_mean=np.array([0.0, 0.0, config.far_bias, 0.0, 0.0]),
         common_sigma=_common_sigma(outline, registration, sigma[~near.astype(bool)], config),
+        pose_sigma=_pose_sigma(registration),
+        skew_sigma=_skew_sigma(registration, poses),
     )
     return evidence, tuple(warnings)
 
@@ -154,6 +160,17 @@ def turn(vectors: Floats, yaw: Floats) -> Floats:
 def place(in_base: Floats, view: Ints, poses: Floats) -> Floats:
     """Map (N, 2) points of their views' bases by (n, 3) poses."""
     return turn(in_base, poses[view, 2]) + poses[view, :2]
+
+
+def _pose_sigma(registration: Registration) -> float:
+    variances = np.diag(registration.covariance).reshape(-1, 3)[:, :2]
+    return float(np.sqrt(np.median(variances)))
+
+
+def _skew_sigma(registration: Registration, poses: Floats) -> float:
+    if registration.source == "laser":
+        return 0.0
+    return registration.systematic / max(float(np.hypot(*poses[:, :2].T).mean()), 0.1)
 
 
 def _common_sigma(
