@@ -138,10 +138,10 @@ def _figures(
         extra = systematic
         if name == "angle":
             extra = systematic / min(values["length"], values["width"])
-        sigma: float | None = float(np.hypot(np.sqrt(max(variance[index], 0.0)), extra))
-        if status[name] == UNSEEN and unbounded:
-            sigma = None
-        figures[name] = Figure(value, sigma, status[name])
+        sigma = float(np.hypot(np.sqrt(max(variance[index], 0.0)), extra))
+        # Where nothing bounds a side from outside, no covariance stands behind its figure.
+        is_open = status[name] == UNSEEN and (unbounded or sigma > value)
+        figures[name] = Figure(value, None if is_open else sigma, status[name])
     radius = figures.pop("corner_radius", None)
     return figures, radius
 
