@@ -1,0 +1,46 @@
+"""With exact poses and no noise, what is left is the methods' own error."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tablemap.config import load_config
+from tablemap.evaluation import report_method
+from tablemap.evaluation.metrics import score
+from tablemap.evaluation.truth import Truth
+from tablemap.pipeline import process
+from tablemap.recording import open_recording
+from tablemap.simulation import load_scenario, simulate, write
+
+
+@pytest.fixture(scope="module")
+def exact(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording without any error."""
+    file = tmp_path_factory.mktemp("exact") / "exact.mcap"
+    write(simulate(load_scenario("exact"), seed=3), file)
+    return file
+
+
+def test_our_model_of_it_is_right_to_a_millimetre_and_a_half(exact: Path) -> None:
+    """Shape, dimensions, height and outline."""
+    with open_recording(exact) as recording:
+        model = process(recording, config=load_config()).model
+    result = score(model, Truth.load(Truth.beside(exact)))
+    assert result.shape == result.true_shape
+    assert max(abs(error.error) for error in result.dimensions) < 0.0015
+    assert result.height is not None
+    assert abs(result.height.error) < 0.001
+
+
+@pytest.mark.parametrize("distance", [1.0, 0.0])
+def test_the_report_s_method_is_right_to_a_centimetre(exact: Path, distance: float) -> None:
+    """With its ICP and without."""
+    config = load_config(overrides=[f"report.icp_distance={distance}"])
+    with open_recording(exact) as recording:
+        model = report_method.process(recording, config=config).model
+    result = score(model, Truth.load(Truth.beside(exact)))
+    assert max(abs(error.error) for error in result.dimensions) < 0.010
+    assert result.height is not None
+    assert abs(result.height.error) < 0.010
