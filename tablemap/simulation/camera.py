@@ -34,7 +34,8 @@ class CameraErrors:
     """What the seed drew for a recording.
 
     Depth comes out multiplied by ``depth_scale``. The true camera is the recorded one, shifted by
-    ``x``, ``y``, ``z`` and turned about the base's axes by ``roll``, ``pitch`` and ``yaw``.
+    ``x``, ``y``, ``z`` and turned about the base's axes by ``roll``, ``pitch`` and ``yaw``; its
+    true focal length is the recorded one times ``focal_scale``.
     """
 
     depth_scale: float
@@ -44,10 +45,11 @@ class CameraErrors:
     x: float
     y: float
     z: float
+    focal_scale: float
 
     @staticmethod
-    def drawn(camera: Camera, rng: np.random.Generator) -> CameraErrors:
-        """Draw the errors of one recording; none is more than 2.5 sigma."""
+    def drawn(camera: Camera, rng: np.random.Generator, lens: np.random.Generator) -> CameraErrors:
+        """Draw the errors of one recording, the ``lens``'s apart; none is more than 2.5 sigma."""
         unit = np.clip(rng.normal(size=7), -2.5, 2.5)
         return CameraErrors(
             float(1 + camera.scale_sigma * unit[0]),
@@ -57,6 +59,7 @@ class CameraErrors:
             float(camera.mount_sigma * unit[4]),
             float(camera.mount_sigma * unit[5]),
             float(camera.mount_height_sigma * unit[6]),
+            float(1 + camera.focal_sigma * np.clip(lens.normal(), -2.5, 2.5)),
         )
 
     def applied(self, base_from_camera: Floats) -> Floats:
@@ -108,13 +111,15 @@ class DepthCamera:
         self.errors = errors
         self.width, self.height = camera.width, camera.height
         sx, sy = camera.width / 640, camera.height / 480
-        self.k = np.array(
+        self.recorded_k = np.array(
             [
                 [FX * sx, 0.0, (CX + 0.5) * sx - 0.5],
                 [0.0, FY * sy, (CY + 0.5) * sy - 0.5],
                 [0.0, 0.0, 1.0],
             ]
         )
+        self.k = self.recorded_k * [[errors.focal_scale], [errors.focal_scale], [1.0]]
+        self.k[:2, 2] = self.recorded_k[:2, 2]
 
     @cached_property
     def pixels(self) -> Floats:

@@ -15,6 +15,8 @@ _PALETTE = (
     (0.55, 0.35, 0.6), (0.85, 0.85, 0.8), (0.25, 0.25, 0.3),
 )  # fmt: skip
 
+_STOOL = 0.36  # metres: the side of its seat
+
 
 def draw_clutter(clutter: Clutter, top: Top, rng: np.random.Generator) -> list[Part]:
     """Draw what stands on the top, in the table's frame: nothing touches anything else."""
@@ -83,6 +85,24 @@ def chair_places(
                 places.append((pose, footprint))
                 break
     return places
+
+
+def stool_places(
+    top: Top, count: int, rng: np.random.Generator
+) -> list[tuple[Pose2, shapely.Polygon]]:
+    """Return the stools' poses in the table's frame, millimetres off it, and their footprints."""
+    places = []
+    for _ in range(count):
+        place, outwards = _rim_place(top, rng, spread=0.8)
+        yaw = float(np.arctan2(outwards[1], outwards[0]))
+        pose = at(place + outwards * (_STOOL / 2 + rng.uniform(0.002, 0.008)), yaw)
+        places.append((pose, _footprint(_STOOL, _STOOL, pose)))
+    return places
+
+
+def stool_parts(height: float, rng: np.random.Generator) -> list[Part]:
+    """Return a square stool round the origin."""
+    return plain_table(_STOOL, _STOOL, height, rng)
 
 
 def chair_parts(rng: np.random.Generator) -> list[Part]:

@@ -184,7 +184,7 @@ class _Pictures:
         view = self._seen(second)
         size = {"width": camera.width, "height": camera.height}
         d = np.array(simulation.scenario.camera.distortion)
-        info = messages.camera_info(stamp_ns, CAMERA_FRAME, **size, k=camera.k, d=d)
+        info = messages.camera_info(stamp_ns, CAMERA_FRAME, **size, k=camera.recorded_k, d=d)
         yield "depth_info", info
         depth = camera.depth(view, self._rng)
         if robot.depth_transport == "raw":

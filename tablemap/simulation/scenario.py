@@ -78,7 +78,9 @@ class Clutter(Section):
 class Surroundings(Section):
     """The room and what else is in it."""
 
-    room: Literal["furnished", "plain", "hall"] = "furnished"
+    room: Literal["furnished", "plain", "hall", "corridor"] = Field(
+        default="furnished", description="a corridor has two walls, and no end within reach"
+    )
     margin: float = Field(
         default=0.9, gt=0, description="least free space outside the robot's path"
     )
@@ -87,6 +89,7 @@ class Surroundings(Section):
     chairs: int = Field(default=0, ge=0)
     chairs_pushed_in: bool = False
     neighbours: int = Field(default=0, ge=0, description="tables beside the one that is modelled")
+    stools: int = Field(default=0, ge=0, description="as high as the top, pushed against it")
     against_wall: bool = False
     glass: bool = False
     people: int = Field(default=0, ge=0)
@@ -126,6 +129,9 @@ class Camera(Section):
     mount_yaw_sigma_deg: float = Field(default=0.0, ge=0)
     mount_height_sigma: float = Field(default=0.0, ge=0)
     dropouts: bool = True
+    focal_sigma: float = Field(
+        default=0.0, ge=0, description="share by which the stated one is off"
+    )
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
     width: int = Field(default=640, ge=32)
     height: int = Field(default=480, ge=24)

@@ -95,6 +95,7 @@ class Simulation:
             "snapshots": snapshots,
             "sensor": {
                 "depth_scale": camera.depth_scale,
+                "focal_scale": camera.focal_scale,
                 "pitch": camera.pitch,
                 "roll": camera.roll,
                 "camera_yaw": camera.yaw,
@@ -119,7 +120,8 @@ def simulate(scenario: Scenario, *, seed: int, nominal: bool = False) -> Simulat
         drive, scenario.wheels, scenario.localisation, _generator(scenario, seed, "belief")
     )
     sensors = _generator(scenario, seed, "sensors")
-    camera = DepthCamera(scenario.camera, CameraErrors.drawn(scenario.camera, sensors))
+    lens = _generator(scenario, seed, "lens")
+    camera = DepthCamera(scenario.camera, CameraErrors.drawn(scenario.camera, sensors, lens))
     laser_errors = LaserErrors.drawn(scenario.laser, sensors)
     moved_second = _NEVER
     if scenario.surroundings.moved and len(drive.stops) > 1:

@@ -15,6 +15,8 @@ from tablemap.simulation.furniture import (
     couch_parts,
     draw_clutter,
     plain_table,
+    stool_parts,
+    stool_places,
 )
 from tablemap.simulation.meshes import Part, at, box, cylinder, prism
 from tablemap.simulation.scenario import Scenario
@@ -86,6 +88,9 @@ def draw_world(scenario: Scenario, rng: np.random.Generator, *, nominal: bool) -
     ):
         local += _moved(chair_parts(rng), chair)
         obstacles.append(footprint)
+    for stool, footprint in stool_places(top, around.stools, rng):
+        local += _moved(stool_parts(top.height + float(rng.uniform(-0.004, 0.004)), rng), stool)
+        obstacles.append(footprint)
     for i in range(around.neighbours):
         parts, footprint = _neighbour(top, rng, side=-1 if i % 2 else 1)
         local += parts
@@ -139,6 +144,8 @@ def _room(
     margins = around.margin + rng.uniform(0.0, 1.2, 4)
     if around.room == "hall":
         margins = rng.uniform(6.0, 8.0, 4)
+    if around.room == "corridor":
+        margins[[0, 2]] = 30.0
     bounds = np.concatenate([outline.min(axis=0) - margins[:2], outline.max(axis=0) + margins[2:]])
     if around.against_wall:
         bounds[3] = float(top.outline[:, 1].max()) + rng.uniform(0.005, 0.03)

@@ -364,7 +364,8 @@ def test_every_scenario_is_recorded(name: str, tmp_path: Path) -> None:
     write(simulate(scenario, seed=0), path)
     messages = log.read(path)
     truth = truth_of(path)
-    (depth,) = (topic for topic in messages if topic.endswith("compressedDepth"))
+    images = ("compressedDepth", "image_rect_raw")
+    (depth,) = (topic for topic in messages if topic.endswith(images))
     stamps = [log.stamp_ns(image) for _, image in messages[depth]]
     assert stamps == [each["stamp_ns"] for each in truth["snapshots"]]
     filled = [np.mean(log.depth_millimetres(image) > 0) for _, image in messages[depth][::4]]
