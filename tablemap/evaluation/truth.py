@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
-from tablemap.errors import TablemapError
+from tablemap.documents import read_document
 from tablemap.model import PlanarPose, Point, Shape
 
 SCHEMA = "tablemap/truth/1"
@@ -77,21 +76,7 @@ class Truth(Part):
     @staticmethod
     def load(path: Path) -> Truth:
         """Read a truth file. Raises `TablemapError` where it is none."""
-        try:
-            document = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-            raise TablemapError(f"the truth cannot be read ({error}): {path}") from error
-        schema = document.get("schema") if isinstance(document, dict) else None
-        if schema != SCHEMA:
-            raise TablemapError(f"expected schema {SCHEMA!r}, found {schema!r}: {path}")
-        try:
-            return Truth.model_validate(document)
-        except ValidationError as error:
-            first = error.errors()[0]
-            where = ".".join(str(part) for part in first["loc"])
-            raise TablemapError(
-                f"the truth is damaged at {where}: {first['msg']}: {path}"
-            ) from error
+        return read_document(path, Truth, schema=SCHEMA, noun="truth")
 
     @staticmethod
     def beside(recording: Path) -> Path:

@@ -11,7 +11,8 @@ from tablemap.recording.messages import (
     LaserScan,
     TransformStamped,
 )
-from tablemap.recording.reader import DepthFrame, Recording, open_recording, sha256
+from tablemap.recording.reader import DepthFrame, Recording, open_recording
+from tablemap.recording.sources import sha256
 
 __all__ = [
     "CameraInfo",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,26 +14,21 @@ from numpy.typing import ArrayLike, NDArray
 from tablemap.config import TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.geometry import Floats, invert
+from tablemap.recording.channels import Channels, Stamped, Stamps, only
 from tablemap.recording.container import Container
-from tablemap.recording.decoding import Decoder, DecodingError
+from tablemap.recording.decoding import DecodingError
 from tablemap.recording.depth import decode_depth
 from tablemap.recording.frame_roles import FrameNames, find_frames, ground_pose, pose_stamps
-from tablemap.recording.frames import TransformCollector, TransformTree
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
 from tablemap.recording.rectification import Rectification, rectification
 from tablemap.recording.sources import open_source
 from tablemap.recording.topics import (
     Roles,
-    Topic,
     camera_frame,
     find_roles,
     list_topics,
     missing_roles,
 )
-
-Stamps = NDArray[np.int64]
-
-_REORDERED = 16  # depth images held back to come out by their stamps
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,14 +45,6 @@ class DepthFrame:
     k: Floats
     message: Image | CompressedImage
     base_from_camera: Floats
-
-
-@dataclass(frozen=True, eq=False)
-class _Stamped:
-    """A channel's messages by header stamp: (n,) stamps ascending, and their (n,) log times."""
-
-    stamps_ns: Stamps
-    log_times_ns: Stamps
 
 
 class Recording:
@@ -84,12 +70,8 @@ class Recording:
         self.warnings.extend(choices)
         assert self.roles.depth is not None
         assert self.roles.calibration is not None
-        self._decoders = {
-            topic.channel.id: Decoder(topic.channel)
-            for topic in (self.roles.depth, self.roles.colour, self.roles.laser)
-            if topic is not None
-        }
-        self._depth, self._colour, self._laser, self.tree = self._survey()
+        self._channels = Channels(self.container, self.roles, say=self._say_once)
+        self.tree = self._channels.tree
         self._rectifications: dict[tuple[int, int], Rectification] = {}
         self._check_first_depth()
         self.names = self._find_frames(topics)
@@ -100,11 +82,11 @@ class Recording:
 
     def depth_stamps(self) -> Stamps:
         """Return the (n,) header stamps of all depth images, ascending, without decoding them."""
-        return self._depth.stamps_ns
+        return self._channels.depth.stamps_ns
 
     def scan_stamps(self) -> Stamps:
         """Return the (n,) header stamps of all laser scans, ascending, without decoding them."""
-        return self._laser.stamps_ns
+        return self._channels.laser.stamps_ns
 
     def pose_stamps(self) -> Stamps:
         """Return the (n,) stamps at which the localised pose was recorded, ascending."""
@@ -126,11 +108,11 @@ class Recording:
         """
         assert self.roles.depth is not None
         topic = self.roles.depth.name
-        due = _only(self._depth, stamps_ns)
+        due = only(self._channels.depth, stamps_ns)
         placed = self._base_from(self.names.camera, due.stamps_ns)
         order = {int(stamp): place for place, stamp in enumerate(due.stamps_ns)}
         unplaced = 0
-        for message in self._in_order(self.roles.depth, due):
+        for message in self._channels.in_order(self.roles.depth, due):
             assert isinstance(message, Image | CompressedImage)
             place = order[message.stamp_ns]
             if not placed[1][place]:
@@ -139,7 +121,7 @@ class Recording:
             try:
                 depth = decode_depth(message)
             except DecodingError as error:
-                self._say_undecoded(topic, error)
+                self._channels.say_undecoded(topic, error)
                 continue
             rectified = self._rectification(depth.shape[1], depth.shape[0])
             yield DepthFrame(
@@ -161,7 +143,7 @@ class Recording:
     ) -> dict[int, Image | CompressedImage]:
         """Return, for each given stamp, the colour image nearest in time (absent: no key)."""
         wanted = np.atleast_1d(np.asarray(stamps_ns, dtype=np.int64))
-        have = self._colour.stamps_ns
+        have = self._channels.colour.stamps_ns
         if self.roles.colour is None or len(have) == 0 or len(wanted) == 0:
             return {}
         after = np.clip(np.searchsorted(have, wanted), 0, len(have) - 1)
@@ -169,10 +151,10 @@ class Recording:
         nearer = np.abs(have[before] - wanted) <= np.abs(have[after] - wanted)
         nearest = np.where(nearer, before, after)
         close = np.abs(have[nearest] - wanted) <= tolerance_ns
-        due = _only(self._colour, have[nearest[close]])
+        due = only(self._channels.colour, have[nearest[close]])
         images = {
             message.stamp_ns: message
-            for message in self._in_order(self.roles.colour, due)
+            for message in self._channels.in_order(self.roles.colour, due)
             if isinstance(message, Image | CompressedImage)
         }
         return {
@@ -194,11 +176,11 @@ class Recording:
         """
         if self.roles.laser is None or self.names.laser is None:
             return
-        due = _only(self._laser, stamps_ns)
+        due = only(self._channels.laser, stamps_ns)
         first = 0 if start_ns is None else int(np.searchsorted(due.stamps_ns, start_ns))
         last = None if end_ns is None else int(np.searchsorted(due.stamps_ns, end_ns, "right"))
-        due = _Stamped(due.stamps_ns[first:last], due.log_times_ns[first:last])
-        for message in self._in_order(self.roles.laser, due):
+        due = Stamped(due.stamps_ns[first:last], due.log_times_ns[first:last])
+        for message in self._channels.in_order(self.roles.laser, due):
             assert isinstance(message, LaserScan)
             yield message
 
@@ -260,49 +242,15 @@ class Recording:
 
     # Opening.
 
-    def _survey(self) -> tuple[_Stamped, _Stamped, _Stamped, TransformTree]:
-        """Read the recording once for all transforms and for the stamps of images and scans."""
-        transforms: dict[int, Decoder] = {}
-        for topic in self.roles.transforms:
-            if topic.first is not None:
-                transforms[topic.channel.id] = Decoder(topic.channel)
-            elif topic.count:
-                self._say_undecoded(topic.name, DecodingError(topic.problem or "cannot be read"))
-        stamped: dict[int, list[tuple[int, int]]] = {id: [] for id in self._decoders}
-        collector = TransformCollector()
-        for raw in self.container.messages({*transforms, *stamped}):
-            try:
-                if raw.channel_id in transforms:
-                    message = transforms[raw.channel_id].decode(raw)
-                    assert isinstance(message, tuple)
-                    for transform in message:
-                        collector.add(transform)
-                else:
-                    decoder = self._decoders[raw.channel_id]
-                    stamped[raw.channel_id].append((decoder.stamp_ns(raw), raw.log_time_ns))
-            except DecodingError as error:
-                self._say_undecoded(self.container.channels[raw.channel_id].topic, error)
-        tree = collector.tree()
-        if collector.rejected:
-            self._say_once(
-                "recording.damaged",
-                f"{collector.rejected} transforms were left out, for they are no rigid motions.",
-            )
-        depth, colour, laser = (
-            _by_stamp(stamped[topic.channel.id] if topic is not None else [])
-            for topic in (self.roles.depth, self.roles.colour, self.roles.laser)
-        )
-        return depth, colour, laser, tree
-
     def _check_first_depth(self) -> None:
         """Raise where the calibration does not fit the images, before anything is computed."""
         assert self.roles.depth is not None
-        for message in self._in_order(self.roles.depth, self._depth):
+        for message in self._channels.in_order(self.roles.depth, self._channels.depth):
             assert isinstance(message, Image | CompressedImage)
             try:
                 height, width = decode_depth(message).shape
             except DecodingError as error:
-                self._say_undecoded(self.roles.depth.name, error)
+                self._channels.say_undecoded(self.roles.depth.name, error)
                 continue
             self._rectification(width, height)
             return
@@ -324,7 +272,9 @@ class Recording:
         return names
 
     def _span(self) -> tuple[int, int]:
-        stamps = [s.stamps_ns for s in (self._depth, self._laser) if len(s.stamps_ns)]
+        stamps = [
+            s.stamps_ns for s in (self._channels.depth, self._channels.laser) if len(s.stamps_ns)
+        ]
         return min(int(s[0]) for s in stamps), max(int(s[-1]) for s in stamps)
 
     def _rectification(self, width: int, height: int) -> Rectification:
@@ -334,35 +284,6 @@ class Recording:
                 self.camera_info(), width=width, height=height, topic=self.roles.depth.name
             )
         return self._rectifications[width, height]
-
-    def _in_order(
-        self, topic: Topic, due: _Stamped
-    ) -> Iterator[Image | CompressedImage | CameraInfo | LaserScan]:
-        """Yield a topic's messages of the stamps that are due, decoded, by their stamps."""
-        decoder = self._decoders[topic.channel.id]
-        waiting: dict[int, Image | CompressedImage | CameraInfo | LaserScan] = {}
-        expected = dict.fromkeys(due.stamps_ns.tolist())
-        for raw in self.container.messages([topic.channel.id], log_times_ns=due.log_times_ns):
-            try:
-                message = decoder.decode(raw)
-            except DecodingError as error:
-                self._say_undecoded(topic.name, error)
-                continue
-            if isinstance(message, tuple) or message.stamp_ns not in expected:
-                continue
-            waiting[message.stamp_ns] = message
-            while waiting:
-                first = next(iter(expected))
-                if first not in waiting and len(waiting) <= _REORDERED:
-                    break
-                first = min(waiting)
-                del expected[first]
-                yield waiting.pop(first)
-        for stamp in sorted(waiting):
-            yield waiting[stamp]
-
-    def _say_undecoded(self, topic: str, error: DecodingError) -> None:
-        self._say_once("recording.damaged", f"A message on {topic} was left out: it {error}.")
 
     def _say_once(self, code: str, message: str) -> None:
         if message not in self._said:
@@ -385,21 +306,6 @@ class Recording:
         self.close()
 
 
-def _by_stamp(pairs: list[tuple[int, int]]) -> _Stamped:
-    """Sort (stamp, log time) pairs; of several messages with one stamp the first counts."""
-    array = np.array(pairs, dtype=np.int64).reshape(-1, 2)
-    stamps, first = np.unique(array[:, 0], return_index=True)
-    return _Stamped(stamps, array[first, 1])
-
-
-def _only(have: _Stamped, stamps_ns: ArrayLike | None) -> _Stamped:
-    """Return those of the given stamps alone, or all where none are given."""
-    if stamps_ns is None:
-        return have
-    kept = np.isin(have.stamps_ns, np.asarray(stamps_ns, dtype=np.int64))
-    return _Stamped(have.stamps_ns[kept], have.log_times_ns[kept])
-
-
 def open_recording(path: Path, *, topics: TopicsConfig | None = None) -> Recording:
     """Open a recording, find its topics by role, and read its TF tree.
 
@@ -411,12 +317,6 @@ def open_recording(path: Path, *, topics: TopicsConfig | None = None) -> Recordi
     except BaseException:
         file.close()
         raise
-
-
-def sha256(path: Path) -> str:
-    """Return a file's SHA-256, read in pieces."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _roles(

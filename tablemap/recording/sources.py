@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 from typing import BinaryIO
 
@@ -48,3 +49,9 @@ def open_source(path: Path) -> BinaryIO:
 def _is_text(start: bytes) -> bool:
     # A multi-byte letter may be cut at the end of what was read.
     return b"\0" not in start and "�" not in start.decode(errors="replace")[:-1]
+
+
+def sha256(path: Path) -> str:
+    """Return a file's SHA-256, read in pieces."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,50 @@
+"""JSON documents with a schema's name in them: read, or refused in one sentence."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from tablemap.errors import TablemapError
+
+Document = TypeVar("Document", bound=BaseModel)
+
+
+def read_document(file: Path, kind: type[Document], *, schema: str, noun: str) -> Document:
+    """Read a file as `parse_document` does its text; errors end with the path."""
+    try:
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise TablemapError(f"no {noun} can be read ({reason}): {file}") from error
+    try:
+        return parse_document(text, kind, schema=schema, noun=noun)
+    except TablemapError as error:
+        raise TablemapError(f"{str(error).removesuffix('.')}: {file}") from error
+
+
+def parse_document(text: str, kind: type[Document], *, schema: str, noun: str) -> Document:
+    """Return the document in a text of JSON; fields that are not known are ignored.
+
+    ``noun`` is what people call it. Raises `TablemapError` where the text is no such document, or
+    one of another schema.
+    """
+    try:
+        document = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise TablemapError(f"expected a {noun} in JSON, found other text ({error}).") from error
+    found = document.get("schema") if isinstance(document, dict) else None
+    if found != schema:
+        raise TablemapError(
+            f"expected a {noun} of schema {schema!r}, found {found!r}; use the version that "
+            "wrote it."
+        )
+    try:
+        return kind.model_validate(document)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise TablemapError(f"the {noun} is damaged at {where}: {first['msg']}.") from error
