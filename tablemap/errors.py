@@ -37,18 +37,24 @@ WARNING_CODES: dict[str, str] = {
     "legs.set_aside": "What stands under or near the top and is no leg of it.",
     "recording.no_pose": "Depth images or a laser were left out, for their pose is not known.",
     "calibration.no_floor": "Too little floor was seen to calibrate the camera; TF was believed.",
+    "calibration.floor_level": (
+        "The floor is not at z = 0 of the fixed frame; heights count from where it is."
+    ),
+    "surface.inferred_side": "A side was seen only in part, but enough to know where it ends.",
+    "surface.depth_scale": "The edges doubt the camera's height in TF, or the laser's ranges.",
     "calibration.focal_length": "The floor shows a wrong focal length; it was corrected.",
     "segmentation.table_tie": "Several surfaces could be the table; one was chosen.",
     "accuracy.few_views": "Too few views see the table to check one against another.",
     "accuracy.height_scatter": "The views disagree on the height of the top.",
     "accuracy.calibration": "The floor asks for a camera tilt or depth scale beyond the plausible.",
+    "odometry.bridged": "Part of the way no laser scan could be placed; the wheels bridge it.",
     "odometry.no_laser": "There is no usable laser; the wheels carry the motion between the stops.",
     "odometry.no_wheels": (
         "There is neither laser nor wheel odometry; the localisation carries the motion."
     ),
     "odometry.kept_prior": "Scans that moved too far from their prior were placed by the prior.",
     "registration.no_scan": (
-        "A snapshot has no usable laser scan; odometry and localisation place it."
+        "A snapshot has no usable laser scan; depth ties it to the others, or it is not used."
     ),
     "registration.searched": "A snapshot started far from its place and was found by searching.",
     "accuracy.registration_failed": "A snapshot's registration failed its check; it is not used.",
@@ -68,6 +74,9 @@ WARNING_CODES: dict[str, str] = {
     ),
     "accuracy.poor_fit": (
         "The edge points scatter far more about the chosen outline than their sigma says."
+    ),
+    "accuracy.inner_edge": (
+        "An edge runs inside of the outline: two surfaces may have been taken for one top."
     ),
     "accuracy.votes_contradict": (
         "Part of what was seen as top lies outside the outline, or free space inside."

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from tablemap.config import OdometryConfig
 from tablemap.geometry import Pose2
 from tablemap.odometry import (
     Odometry,
+    OdometryMap,
     OdometryScan,
     Trajectory,
     estimate_odometry,
@@ -70,6 +72,22 @@ def test_every_used_scan_is_recorded_in_order_and_thinned(
     assert max(len(scan.points) for scan in scans) <= OdometryConfig().event_points
 
 
+def test_what_scans_are_registered_to_is_recorded_now_and_then(
+    lap: tuple[Drive, Odometry, list[object]],
+) -> None:
+    """KISS-ICP's map grows round the room; the last one is that of the last scan."""
+    _, odometry, events = lap
+    maps = [event for event in events if isinstance(event, OdometryMap)]
+    assert 2 <= len(maps) <= OdometryConfig().event_maps + 1
+    assert maps[-1].stamp_ns == odometry.trajectory.stamps_ns[-1]
+    assert len(maps[-1].points) > len(maps[0].points) > 100
+    scans = {event.stamp_ns: event for event in events if isinstance(event, OdometryScan)}
+    assert all(scans[one.stamp_ns].threshold == OdometryConfig().threshold for one in maps)
+    assert max(scan.correction for scan in scans.values()) < OdometryConfig().maximum_correction
+    last = cKDTree(maps[-1].points).query(scans[maps[-1].stamp_ns].points)[0]
+    assert np.median(last) < 0.03
+
+
 def test_it_repeats_bit_for_bit(lap: tuple[Drive, Odometry, list[object]]) -> None:
     """The same drive gives the same trajectory."""
     drive, odometry, _ = lap
@@ -98,6 +116,60 @@ def test_with_neither_the_localisation_carries() -> None:
     assert [w.code for w in odometry.warnings] == ["odometry.no_wheels"]
     expected = [snapshot.map_from_base.as_array() for snapshot in drive.snapshots()]
     assert np.allclose(at_stops(odometry, drive), expected, atol=1e-9)
+
+
+def test_the_wheels_bridge_what_the_laser_did_not_see(
+    lap: tuple[Drive, Odometry, list[object]],
+) -> None:
+    """A laser that is silent over a quarter of the lap costs centimetres, and that is said."""
+    drive, whole, _ = lap
+    first, last = (int(np.mean(drive.stop_stamps[k : k + 2])) for k in (2, 4))
+
+    class Silent(Drive):
+        """The drive, its laser silent from between two stops to between two others."""
+
+        def scans(self, start_ns: int | None = None, end_ns: int | None = None):  # type: ignore[no-untyped-def]
+            """Yield the scans outside of the gap."""
+            for scan in super().scans(start_ns, end_ns):
+                if not first < scan.stamp_ns < last:
+                    yield scan
+
+    silent = Silent(drive.segments, seed=1, stops=6, standing_s=0.6, rate_hz=10)
+    odometry, _ = estimate(silent)
+    assert odometry.source == "laser"
+    assert [w.code for w in odometry.warnings] == ["odometry.bridged"]
+    ((begin, end),) = odometry.gaps
+    assert abs(begin - first) < 3e8
+    assert abs(end - last) < 3e8
+    place, yaw = relative_errors(at_stops(odometry, silent), silent.truth())
+    assert place.max() < 0.06
+    assert np.degrees(yaw.max()) < 2.0
+    # What was bridged is believed as wheels are, the rest as before.
+    early, late = drive.stop_stamps[:2], drive.stop_stamps[2:4]
+    kept, loose = odometry.covariance_between(*early), odometry.covariance_between(*late)
+    assert np.allclose(kept, whole.covariance_between(*early), rtol=0.05)
+    assert loose[0, 0] > 4 * whole.covariance_between(*late)[0, 0]
+    assert place.max() < 4 * np.sqrt(loose[0, 0])
+
+
+def test_the_wheels_go_on_after_the_last_scan(lap: tuple[Drive, Odometry, list[object]]) -> None:
+    """Before the first and after the last placed scan the base does not stand still."""
+    drive, _, _ = lap
+
+    class Late(Drive):
+        """The drive, its laser switched on after the second stop."""
+
+        def scans(self, start_ns: int | None = None, end_ns: int | None = None):  # type: ignore[no-untyped-def]
+            """Yield the scans of the later stops."""
+            for scan in super().scans(start_ns, end_ns):
+                if scan.stamp_ns > drive.stop_stamps[2]:
+                    yield scan
+
+    late = Late(drive.segments, seed=1, stops=6, standing_s=0.6, rate_hz=10)
+    odometry, _ = estimate(late)
+    place, _ = relative_errors(at_stops(odometry, late), late.truth())
+    assert place.max() < 0.08
+    assert odometry.trajectory.stamps_ns[0] < drive.stop_stamps[0]
 
 
 def test_missing_and_out_of_range_beams_are_left_out() -> None:

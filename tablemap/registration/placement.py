@@ -12,7 +12,6 @@ from tablemap.odometry import Trajectory
 _KERNEL = 0.10  # metres: a localised pose further off has jumped
 _KERNEL_YAW = np.radians(4.0)
 _ARM = _KERNEL / _KERNEL_YAW
-_TURN_WEIGHT = 0.3  # metres of way that a radian of turning counts as
 
 
 def place_in_map(relative: Floats, localised: Floats) -> tuple[Pose2, Floats]:
@@ -78,7 +77,7 @@ def bend_trajectory(
     at_stops = [trajectory.at(int(stamp)) for stamp in stamps]
     registered = [poses[i] for i in order]
     bent = np.empty_like(trajectory.poses)
-    way = _way(trajectory)
+    way = trajectory.way()
     stop_way = np.interp(stamps.astype(np.float64), trajectory.stamps_ns.astype(np.float64), way)
     after = np.searchsorted(stamps, trajectory.stamps_ns, side="right")
     for k, row in enumerate(trajectory.poses):
@@ -96,20 +95,6 @@ def bend_trajectory(
         place = (1 - share) * from_first.translation + share * from_second.translation
         bent[k] = Pose2.from_array([*place, from_first.yaw + share * turn]).as_array()
     return Trajectory(trajectory.stamps_ns, bent)
-
-
-def way_between(trajectory: Trajectory, first_ns: int, second_ns: int) -> float:
-    """Return the metres travelled between two stamps, turning counted at 0.3 m a radian."""
-    way = _way(trajectory)
-    at = np.interp([first_ns, second_ns], trajectory.stamps_ns.astype(np.float64), way)
-    return float(abs(at[1] - at[0]))
-
-
-def _way(trajectory: Trajectory) -> Floats:
-    steps = np.diff(trajectory.poses, axis=0)
-    turns = np.abs((steps[:, 2] + np.pi) % (2 * np.pi) - np.pi)
-    lengths = np.hypot(steps[:, 0], steps[:, 1]) + _TURN_WEIGHT * turns
-    return np.concatenate([[0.0], np.cumsum(lengths)])
 
 
 def _independent(residual: Floats, weight: Floats) -> float:

@@ -12,16 +12,9 @@ from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats, Pose2
 from tablemap.odometry import Odometry
 from tablemap.registration.graph import Anchor, Edge, edge_error
-from tablemap.registration.placement import way_between
 from tablemap.registration.results import Pair, StopCheck
 from tablemap.snapshots import Snapshot
 
-# What even a short way costs: interpolation between scans, the stop's own jitter.
-_FLOOR = {
-    "laser": (0.004, 0.0015),
-    "wheels": (0.004, 0.004),
-    "localisation": (0.03, 0.02),
-}
 _ODOMETRY_ROBUST = 16.0
 _ANCHOR_ROBUST = 4.0
 _USED_WEIGHT = 0.1
@@ -43,20 +36,17 @@ class Solution:
 def odometry_edges(snapshots: Sequence[Snapshot], odometry: Odometry) -> list[Edge]:
     """Tie each snapshot to the one before by the odometry, looser the longer the way."""
     edges = []
-    place, heading = _FLOOR[odometry.source]
     trajectory = odometry.trajectory
     for i in range(1, len(snapshots)):
         before, now = snapshots[i - 1].stamp_ns, snapshots[i].stamp_ns
-        way = way_between(trajectory, before, now)
-        covariance = odometry.covariance_per_metre * max(way, 0.1)
-        covariance = covariance + np.diag(np.square([place, place, heading]))
         step = trajectory.at(before).inverse() @ trajectory.at(now)
+        information = np.linalg.inv(odometry.covariance_between(before, now))
         edges.append(
             Edge(
                 source=i,
                 target=i - 1,
                 target_from_source=step,
-                information=np.linalg.inv(covariance),
+                information=np.asarray(information, dtype=np.float64),
                 robust=_ODOMETRY_ROBUST,
                 turns_with_scale=odometry.source == "wheels",
             )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import cast
@@ -145,6 +145,22 @@ class Drive:
     def odom_from_base(self, stamp_ns: int) -> Floats | None:
         """Return the wheels' pose."""
         return self._at(self.wheel_poses, stamp_ns) if self.wheels else None
+
+    def fixed_from_bases(self, stamps_ns: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """Return the localised poses, and which are known."""
+        return self._all(self.fixed_from_base, stamps_ns)
+
+    def odom_from_bases(self, stamps_ns: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """Return the wheels' poses, and which are known."""
+        return self._all(self.odom_from_base, stamps_ns)
+
+    @staticmethod
+    def _all(
+        one: Callable[[int], Floats | None], stamps_ns: Floats
+    ) -> tuple[Floats, NDArray[np.bool_]]:
+        poses = [one(int(stamp)) for stamp in stamps_ns]
+        known = np.array([pose is not None for pose in poses], dtype=bool)
+        return np.array([np.eye(4) if p is None else p for p in poses]).reshape(-1, 4, 4), known
 
     def pose_stamps(self) -> NDArray[np.int64]:
         """Return the stamps of the localised poses."""

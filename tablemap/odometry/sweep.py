@@ -1,0 +1,63 @@
+"""A laser scan as points in the base, freed of the base's motion during its sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tablemap.geometry import Floats, Pose2, transform
+from tablemap.recording.messages import LaserScan
+
+
+def points_in_base(
+    scan: LaserScan,
+    base_from_laser: Floats,
+    *,
+    maximum_range: float,
+    motion: Pose2 | None = None,
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Lift a scan to 3D in the base at its stamp.
+
+    ``motion`` is the base's during the sweep (first beam to last), each beam is moved back by its
+    share. Returns (n, 3) points of all beams and the (n,) mask of those that measured something.
+    """
+    ranges = np.asarray(scan.ranges, dtype=np.float64)
+    nearest = max(scan.range_min, 0.02)
+    # Beams at the very end of the range are "nothing seen" with some drivers.
+    farthest = min(maximum_range, scan.range_max - 1e-3 if scan.range_max > 0 else maximum_range)
+    valid = np.isfinite(ranges) & (ranges >= nearest) & (ranges <= farthest)
+    distance = np.where(valid, ranges, 0.0)
+    beams = np.zeros((len(ranges), 3))
+    beams[:, 0] = distance * np.cos(scan.angles)
+    beams[:, 1] = distance * np.sin(scan.angles)
+    points = transform(base_from_laser, beams)
+    if motion is not None and len(ranges) > 1:
+        share = np.linspace(0.0, 1.0, len(ranges))
+        cos, sin = np.cos(share * motion.yaw), np.sin(share * motion.yaw)
+        x = cos * points[:, 0] - sin * points[:, 1] + share * motion.x
+        y = sin * points[:, 0] + cos * points[:, 1] + share * motion.y
+        points[:, 0], points[:, 1] = x, y
+    return points, valid
+
+
+def sweep_motion(
+    scan: LaserScan, base_at: Callable[[int], Pose2 | None]
+) -> tuple[Pose2 | None, float]:
+    """Return the base's motion during a scan (None: unknown or none), and the time it took.
+
+    A driver that leaves ``time_increment`` at zero is taken at its word.
+    """
+    duration = float(scan.time_increment) * max(len(scan.ranges) - 1, 0)
+    if not 0.0 < duration < 1.0:
+        return None, 0.0
+    # Poses are recorded more coarsely than a sweep takes: a longer base is steadier.
+    span = max(duration, 0.1)
+    before = base_at(scan.stamp_ns + round((duration - span) / 2 * 1e9))
+    after = base_at(scan.stamp_ns + round((duration + span) / 2 * 1e9))
+    if before is None or after is None:
+        return None, duration
+    step = before.inverse() @ after
+    share = duration / span
+    return Pose2(step.x * share, step.y * share, step.yaw * share), duration

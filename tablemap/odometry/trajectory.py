@@ -1,0 +1,70 @@
+"""Base poses over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tablemap.geometry import Floats, Pose2
+
+_TURN_WEIGHT = 0.3  # metres that a radian counts as way
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Base poses over time: ``stamps_ns`` (n,) int64 ascending, ``poses`` (n, 3) x, y, yaw."""
+
+    stamps_ns: NDArray[np.int64]
+    poses: Floats
+
+    def at(self, stamp_ns: int) -> Pose2:
+        """Interpolate; before the first and after the last stamp the end pose holds."""
+        i = int(
+            np.clip(np.searchsorted(self.stamps_ns, stamp_ns), 1, max(len(self.stamps_ns) - 1, 1))
+        )
+        if len(self.stamps_ns) == 1:
+            return Pose2.from_array(self.poses[0])
+        span = int(self.stamps_ns[i] - self.stamps_ns[i - 1])
+        fraction = float(np.clip((stamp_ns - int(self.stamps_ns[i - 1])) / max(span, 1), 0.0, 1.0))
+        first, second = Pose2.from_array(self.poses[i - 1]), Pose2.from_array(self.poses[i])
+        step = first.inverse() @ second
+        place = (1 - fraction) * first.translation + fraction * second.translation
+        return Pose2(
+            float(place[0]), float(place[1]), (first @ Pose2(0, 0, fraction * step.yaw)).yaw
+        )
+
+    @staticmethod
+    def of(timed: Sequence[tuple[int, Pose2]]) -> Trajectory:
+        """Make a trajectory of stamps and poses in their order."""
+        stamps = np.array([stamp for stamp, _ in timed], dtype=np.int64)
+        return Trajectory(stamps, np.array([pose.as_array() for _, pose in timed]).reshape(-1, 3))
+
+    def way(self) -> Floats:
+        """Return (n,) metres travelled up to each pose, turning counted at 0.3 m a radian."""
+        steps = np.diff(self.poses, axis=0)
+        turns = np.abs((steps[:, 2] + np.pi) % (2 * np.pi) - np.pi)
+        lengths = np.hypot(steps[:, 0], steps[:, 1]) + _TURN_WEIGHT * turns
+        return np.concatenate([[0.0], np.cumsum(lengths)])
+
+    def way_between(self, first_ns: int, second_ns: int) -> float:
+        """Return the metres travelled between two stamps, turning counted likewise."""
+        at = np.interp([first_ns, second_ns], self.stamps_ns.astype(np.float64), self.way())
+        return float(abs(at[1] - at[0]))
+
+
+def composed(first: Floats, then: Floats) -> Floats:
+    """Return (n, 3): the pose (3,), or the poses (n, 3), followed by each of (n, 3)."""
+    x, y, yaw = np.moveaxis(np.asarray(first, dtype=np.float64), -1, 0)
+    c, s = np.cos(yaw), np.sin(yaw)
+    turned = (yaw + then[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    return np.column_stack(
+        [x + c * then[:, 0] - s * then[:, 1], y + s * then[:, 0] + c * then[:, 1], turned]
+    )
+
+
+def undone(pose: Floats) -> Floats:
+    """Return the inverse of a pose (3,)."""
+    return Pose2.from_array(pose).inverse().as_array()
