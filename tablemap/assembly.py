@@ -10,6 +10,7 @@ from tablemap import model as m
 from tablemap.calibration import Calibration
 from tablemap.crosscheck import CrossCheck
 from tablemap.errors import ProcessWarning
+from tablemap.geometry import Pose2
 from tablemap.legs import Leg, Legs
 from tablemap.odometry import Odometry
 from tablemap.outline import Outline
@@ -18,6 +19,8 @@ from tablemap.registration import Registration
 from tablemap.segmentation import Segmentation
 from tablemap.snapshots import Snapshot, Snapshots
 from tablemap.surface import Figure, Surface
+
+_CREDIBLE_SIGMAS = 2.0  # of the registration, RMS over all corrections
 
 
 def assemble(
@@ -33,9 +36,10 @@ def assemble(
     legs: Legs,
 ) -> m.TableModel:
     """Make the `TableModel` of all stages' results, their warnings in the order of the stages."""
+    poses = best_poses(registration, surface)
     snapshots = tuple(
         [
-            _snapshot(snapshot, segmentation, registration, surface, cross)
+            _snapshot(snapshot, segmentation, registration, poses, cross)
             for snapshot in taken.snapshots
         ]
     )
@@ -53,7 +57,7 @@ def assemble(
     ]
     return m.TableModel(
         frame=recording.names.fixed,
-        floor_z=0.0,
+        floor_z=calibration.floor_z,
         surface=_surface(surface),
         legs=tuple(_leg(leg) for leg in legs.legs),
         snapshots=snapshots,
@@ -163,16 +167,39 @@ def _leg(leg: Leg) -> m.TableLeg:
     )
 
 
+def best_poses(registration: Registration, surface: Surface) -> dict[int, Pose2]:
+    """Return each snapshot's pose: as the laser has it, else as the fit of the top corrected it.
+
+    What the edges add to a laser's millimetre is the depth's own error. Corrections far beyond what
+    the registration's covariance admits make up for something else (a focal length, a depth scale,
+    a bent rim): they serve the shape, but no longer say where the base was, and the registered
+    poses stand.
+    """
+    registered = dict(enumerate(registration.map_from_base))
+    if registration.source == "laser":
+        return registered
+    corrected = {i: pose for i, pose in surface.map_from_base.items() if i in registered}
+    sigma = np.sqrt(np.maximum(np.diag(registration.covariance), 0.0)).reshape(-1, 3)
+    steps = np.array(
+        [pose.as_array() - registered[i].as_array() for i, pose in corrected.items()]
+    ).reshape(-1, 3)
+    steps[:, 2] = (steps[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    ratios = steps / np.maximum(sigma[list(corrected)], 1e-6)
+    if len(ratios) and float(np.sqrt(np.mean(ratios**2))) > _CREDIBLE_SIGMAS:
+        return registered
+    return {**registered, **corrected}
+
+
 def _snapshot(
     snapshot: Snapshot,
     segmentation: Segmentation,
     registration: Registration,
-    surface: Surface,
+    poses: dict[int, Pose2],
     cross: CrossCheck,
 ) -> m.SnapshotPose:
     i = snapshot.index
     view, check = segmentation.views[i], registration.checks[i] if registration.checks else None
-    pose = surface.map_from_base.get(i, registration.map_from_base[i])
+    pose = poses[i]
     variances = np.diag(registration.covariance)[3 * i : 3 * i + 3]
     reason = view.reason if not view.sees_table else None
     if reason is None and not registration.used[i]:

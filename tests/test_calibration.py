@@ -44,6 +44,22 @@ def test_what_the_floor_cannot_tell_stays_in_the_covariance() -> None:
     assert result.height_sigma(0.0) < 0.001 < 0.002 < result.height_sigma(0.74)
 
 
+def test_a_camera_held_by_hand_is_not_believed_its_height() -> None:
+    """Images that roll from view to view tell a hand: 2 cm of height are no depth scale then."""
+    mounts = [tilted(mounting(), roll=np.deg2rad(4.0 * (i % 3)), pitch=0.0) for i in range(6)]
+    views = []
+    for index, mount in enumerate(mounts):
+        low = mount.copy()
+        low[2, 3] -= 0.02
+        view = round_trip([], (0.0, 0.0), views=1, mount=mount, recorded_mount=low, seed=index)[0]
+        views.append(replace(view, index=index))
+    held = calibrate(tuple(views), config=CONFIG)
+    firm = calibrate(tuple(views), config=CONFIG.model_copy(update={"held_roll_deg": 90.0}))
+    assert held.height_correction > 2 * firm.height_correction
+    assert abs(held.depth_scale - 1) < 0.7 * abs(firm.depth_scale - 1)
+    assert held.joint_covariance[2, 2] > firm.joint_covariance[2, 2]
+
+
 def nodding(focal: float, tilts_deg: list[float]) -> tuple[Snapshot, ...]:
     """Views tilted differently, their camera published with a focal length that much too long."""
     views = []
@@ -92,6 +108,46 @@ def test_without_floor_the_recorded_camera_stays() -> None:
     assert [w.code for w in result.warnings] == ["calibration.no_floor"]
     assert (result.roll, result.pitch, result.depth_scale) == (0.0, 0.0, 1.0)
     assert np.sqrt(result.covariance[2, 2]) == pytest.approx(CONFIG.scale_sigma)
+
+
+def raised(level: float, base_z: float) -> tuple[Snapshot, ...]:
+    """Views of a table whose floor lies at a level of the fixed frame, the base's origin at z."""
+    mount = mounting()
+    mount[2, 3] += level
+    views = round_trip(
+        table(0.0, 0.0, 1.2, 0.8, 0.74, 0.3), (0.0, 0.0), recorded_mount=mount, mount=mounting()
+    )
+    return tuple(replace(view, base_z=base_z) for view in views)
+
+
+def test_a_floor_at_the_bases_origin_is_the_floor_wherever_the_map_begins() -> None:
+    """A map 0.5 m lower than the floor changes nothing but ``floor_z``, and is said."""
+    result = calibrate(raised(0.5, 0.5), config=CONFIG)
+    usual = calibrate(raised(0.0, 0.0), config=CONFIG)
+    assert result.floor_z == 0.5
+    assert usual.floor_z == 0.0
+    assert [w.code for w in result.warnings] == ["calibration.floor_level"]
+    assert result.depth_scale == pytest.approx(usual.depth_scale, abs=1e-6)
+    assert result.height_sigma(0.74) == pytest.approx(usual.height_sigma(0.74), rel=1e-6)
+    points = result.snapshots[0].points_in_base()
+    assert np.median(points[np.abs(points[..., 2]) < 0.02][:, 2]) == pytest.approx(0.0, abs=0.001)
+
+
+def test_a_map_that_begins_at_the_camera_leaves_the_cameras_height_open() -> None:
+    """The floor is found 1.1 m lower to 5 mm; how high the camera is stays open, as sigma says."""
+    result = calibrate(raised(-1.1, 0.0), config=CONFIG)
+    assert result.floor_z == pytest.approx(-1.1, abs=0.005)
+    assert np.sqrt(result.joint_covariance[2, 2]) == pytest.approx(CONFIG.scale_sigma, rel=0.1)
+    assert abs(result.depth_scale - 1.0) < np.sqrt(result.joint_covariance[2, 2])
+
+
+@pytest.mark.parametrize("level", [0.06, -0.04])
+def test_a_base_that_does_not_stand_on_the_floor_is_no_wrong_scale(level: float) -> None:
+    """Centimetres between floor and base are the floor's level, not five percent of all depth."""
+    result = calibrate(raised(level, 0.0), config=CONFIG)
+    assert result.floor_z == pytest.approx(level, abs=0.005)
+    assert result.depth_scale == pytest.approx(1.0, abs=0.01)
+    assert np.sqrt(result.joint_covariance[2, 2]) > abs(result.depth_scale - 1)
 
 
 def test_no_snapshots_and_empty_images_are_no_floor() -> None:

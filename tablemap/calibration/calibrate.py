@@ -9,6 +9,7 @@ import numpy as np
 from tablemap.calibration.fit import COMMON, fit_common, fit_floor, views_apart
 from tablemap.calibration.floor import Floor, collect_floor, correction, residuals
 from tablemap.calibration.focal import FocalLength, estimate_focal, with_focal
+from tablemap.calibration.level import floor_level, lowered
 from tablemap.config import CalibrationConfig
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats
@@ -30,7 +31,8 @@ class Calibration:
     scale, and the offset. ``by_view`` has, by snapshot index, roll, pitch and height (3,) on top of
     the common ones, where the views' floors disagreed. ``focal`` is the focal length that the floor
     asks for, where views tilted differently enough show it; the corrected snapshots have it only
-    where the evidence is clear.
+    where the evidence is clear. ``floor_z`` (metres) is the floor in the fixed frame; the corrected
+    snapshots count z from it.
     """
 
     roll: float
@@ -47,19 +49,34 @@ class Calibration:
     by_view: dict[int, Floats]
     depth_offset: float
     focal: FocalLength | None = None
+    floor_z: float = 0.0
 
-    def height_sigma(self, height: float) -> float:
-        """Return what the camera leaves unknown of a height above the floor, in metres.
+    def top_covariance(self, height: float) -> Floats:
+        """Return what the camera leaves unknown of a level top: (3, 3), of its height above the
+        floor in metres, of how far it is from the camera as a share of that, and of the camera's
+        own height in metres.
 
         A point at that height below a camera at height c has z = c + h + s (z - c): its error is
         that of h plus (z - c) times that of s, plus what an offset along the ray does.
         """
         if not self.snapshots:
-            return 0.0
+            return np.zeros((3, 3))
         camera = float(np.median([s.base_from_camera[2, 3] for s in self.snapshots]))
         axis = float(np.median([s.base_from_camera[2, 2] for s in self.snapshots]))
-        gradient = np.array([0.0, 0.0, height - camera, 1.0, axis])
-        return float(np.sqrt(gradient @ self.joint_covariance @ gradient))
+        drop = min(height - camera, -0.1)
+        gradient = np.array(
+            [
+                [0.0, 0.0, drop, 1.0, axis],
+                [0.0, 0.0, 1.0, 0.0, axis / drop],
+                [0.0, 0.0, 0.0, 1.0, 0.0],
+            ]
+        )
+        result: Floats = gradient @ self.joint_covariance @ gradient.T
+        return result
+
+    def height_sigma(self, height: float) -> float:
+        """Return what the camera leaves unknown of a height above the floor, in metres."""
+        return float(np.sqrt(self.top_covariance(height)[0, 0]))
 
 
 def calibrate(snapshots: tuple[Snapshot, ...], *, config: CalibrationConfig) -> Calibration:
@@ -69,13 +86,51 @@ def calibrate(snapshots: tuple[Snapshot, ...], *, config: CalibrationConfig) -> 
     and the camera's height in TF cannot be told apart: the priors share the offset out, and the
     covariance keeps what they leave open. Where the views' floors disagree (a camera held by hand)
     each view also gets a small tilt and height of its own. A focal length that is clearly wrong is
-    corrected first, as it would pass for a tilt and a scale.
+    corrected first, as it would pass for a tilt and a scale. A floor that is not near z = 0, or
+    that is so only with an implausible scale, is looked for at other heights.
     """
     floor = collect_floor(snapshots, config)
+    result = _calibrate(snapshots, floor, config)
+    missed = floor is None or floor.pixels < config.least_floor_pixels
+    if not missed and abs(result.depth_scale - 1) <= config.plausible_scale:
+        return result
+    level = floor_level(snapshots)
+    if level is None or abs(level) < (config.floor_band if missed else config.least_level):
+        return result
+    found = _at_level(snapshots, level, config)
+    doubted = any(w.code == "accuracy.calibration" for w in found.warnings)
+    return result if doubted and not missed else found
+
+
+def _at_level(
+    snapshots: tuple[Snapshot, ...], level: float, config: CalibrationConfig
+) -> Calibration:
+    """Calibrate with z counted from the level where the floor was found, and say so.
+
+    Only a floor at the base's own origin confirms the camera's height over it.
+    """
+    base = float(np.median([snapshot.base_z for snapshot in snapshots]))
+    if abs(level - base) > config.least_level:
+        config = config.model_copy(update={"camera_height_sigma": config.level_sigma})
+    else:
+        level = base
+    snapshots = tuple(lowered(snapshot, level) for snapshot in snapshots)
+    result = _calibrate(snapshots, collect_floor(snapshots, config), config)
+    warning = ProcessWarning(
+        "calibration.floor_level",
+        "calibration",
+        f"the floor lies at z = {level:+.3f} m of the fixed frame, not at 0: heights count from it",
+    )
+    return replace(result, floor_z=level, warnings=(warning, *result.warnings))
+
+
+def _calibrate(
+    snapshots: tuple[Snapshot, ...], floor: Floor | None, config: CalibrationConfig
+) -> Calibration:
     step = 0.0 if floor is None else floor.step
     prior = np.array(
         [np.deg2rad(config.tilt_sigma_deg)] * 2
-        + [config.scale_sigma, config.camera_height_sigma, max(step / np.sqrt(12), 1e-6)]
+        + [config.scale_sigma, _height_sigma(snapshots, config), max(step / np.sqrt(12), 1e-6)]
     )
     if floor is None or floor.pixels < config.least_floor_pixels:
         pixels = 0 if floor is None else floor.pixels
@@ -105,6 +160,18 @@ def calibrate(snapshots: tuple[Snapshot, ...], *, config: CalibrationConfig) -> 
     warnings += _doubts(common, covariance, config)
     result = _result(snapshots, common, covariance, by_view, floor, tuple(warnings))
     return replace(result, focal=focal)
+
+
+def _height_sigma(snapshots: tuple[Snapshot, ...], config: CalibrationConfig) -> float:
+    """Return how well the camera's height is known before the floor is seen.
+
+    A robot's head pans and nods on a mounting that was measured; a camera whose image rolls from
+    view to view is held by a hand, and its height is only as good as what tracks it.
+    """
+    rolls = np.arcsin([np.clip(s.base_from_camera[2, 0], -1.0, 1.0) for s in snapshots])
+    if len(rolls) > 1 and float(np.std(rolls)) > np.deg2rad(config.held_roll_deg):
+        return config.held_height_sigma
+    return config.camera_height_sigma
 
 
 def _focal_warning(focal: FocalLength) -> ProcessWarning:

@@ -262,7 +262,7 @@ def _height_error(model: TableModel, truth: Truth) -> Error | None:
     if truth.surface.height is None:
         return None
     figure, size = model.surface.height, truth.surface.height
-    error = figure.value - model.floor_z - size
+    error = figure.value - size
     explained = _scale_error(truth) * size + truth.surface.tolerance.height
     if truth.sensor and truth.sensor.pitch and truth.snapshots and truth.surface.pose:
         place = truth.surface.pose

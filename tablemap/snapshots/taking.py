@@ -202,6 +202,7 @@ def _decode(
                 odom_from_base=None if wheels is None else Pose2.projected(wheels),
                 depth_message=middle.message,
                 colour_message=colours.get(viewpoint.middle_ns),
+                base_z=float(fixed_from_base[2, 3]),
             )
         )
 

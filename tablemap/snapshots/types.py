@@ -43,7 +43,8 @@ class Snapshot:
     pitch, also where those came from the localisation: the base moves in the plane alone
     (``map_from_base``, as localised at ``stamp_ns``). ``odom_from_base`` is None without wheel
     odometry. ``start_ns`` and ``end_ns`` bound the time that the base stood still.
-    ``depth_message`` and ``colour_message`` are what was recorded nearest the stamp.
+    ``depth_message`` and ``colour_message`` are what was recorded nearest the stamp. ``base_z`` is
+    the height of the base's own origin in the fixed frame, metres.
     """
 
     index: int
@@ -58,6 +59,7 @@ class Snapshot:
     odom_from_base: Pose2 | None
     depth_message: Image | CompressedImage
     colour_message: Image | CompressedImage | None
+    base_z: float = 0.0
 
     def points_in_base(self) -> Floats:
         """Return (height, width, 3) float64 points in the base, NaN where depth is missing."""
