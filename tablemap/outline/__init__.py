@@ -10,11 +10,12 @@ import numpy as np
 from tablemap.calibration import Calibration
 from tablemap.config import OutlineConfig
 from tablemap.errors import EstimationError, ProcessWarning
+from tablemap.geometry import Floats
 from tablemap.outline.contour import Contour, place_on_plane, trace
 from tablemap.outline.occupancy import Occupancy, observe
 from tablemap.outline.plane import ViewPlane, fit_plane, joint_height
 from tablemap.outline.thickness import FaceEnds, face_ends, joint_rim, joint_thickness
-from tablemap.outline.types import EdgeKind, Outline, ViewEdges
+from tablemap.outline.types import EdgeKind, Outline, TopScale, ViewEdges
 from tablemap.outline.votes import vote
 from tablemap.segmentation import Segmentation
 from tablemap.snapshots import Snapshot
@@ -22,7 +23,10 @@ from tablemap.snapshots import Snapshot
 if TYPE_CHECKING:
     from tablemap.registration import Registration
 
-__all__ = ["EdgeKind", "Outline", "ViewEdges", "find_edges"]
+__all__ = ["EdgeKind", "Outline", "TopScale", "ViewEdges", "find_edges"]
+
+TRUSTED_M = 0.001
+"""A camera height that is right in TF is so to about this, metres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,12 +112,17 @@ def find_edges(
             camera_xy=item.snapshot.base_from_camera[:2, 3].copy(),
             top=top,
             free=free,
+            scale_sigma=float(np.hypot(item.plane.height_sigma, scatter))
+            / item.plane.drop(item.snapshot.base_from_camera),
         )
         views.append(edges)
         if not np.any(edges.kind == EdgeKind.TABLE):
             warnings.append(_set_aside(item.snapshot, "shows no edge of the top"))
+    scale = None
     if calibration is not None:
-        height_sigma = float(np.hypot(height_sigma, calibration.height_sigma(height)))
+        spread = calibration.top_covariance(height)
+        height_sigma = float(np.sqrt(height_sigma**2 + spread[0, 0]))
+        scale = _scale(spread)
     return Outline(
         views=tuple(views),
         height=height,
@@ -124,6 +133,19 @@ def find_edges(
         warnings=tuple(warnings),
         rim=None if rim is None else rim[0],
         rim_sigma=None if rim is None else rim[1],
+        scale=scale,
+    )
+
+
+def _scale(spread: Floats) -> TopScale:
+    """Say what a calibration's covariance of height, scale and camera height means for the top."""
+    variance = max(float(spread[1, 1]), 1e-12)
+    by_camera = float(spread[1, 2]) / max(float(spread[2, 2]), 1e-12)
+    trusting = variance - by_camera**2 * float(spread[2, 2]) + (by_camera * TRUSTED_M) ** 2
+    return TopScale(
+        sigma=float(np.sqrt(variance)),
+        sigma_trusting=float(np.sqrt(np.clip(trusting, 1e-12, variance))),
+        height_by_scale=float(spread[0, 1]) / variance,
     )
 
 

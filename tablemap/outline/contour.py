@@ -309,9 +309,5 @@ def place_on_plane(
     face_sigma = np.where(lower > 0, smoothed * axial_noise(depth) * -fall, 0.0)
     if thickness is None:
         face_sigma = np.hypot(face_sigma, np.where(lower > 0, config.face_sigma, 0.0))
-    sigma = np.sqrt(
-        (pixels_sigma * metres_per_px) ** 2
-        + (leverage * face_sigma) ** 2
-        + (leverage * plane.height_sigma) ** 2
-    )
+    sigma = np.hypot(pixels_sigma * metres_per_px, leverage * face_sigma)
     return PlacedContour(points, normals, sigma, contour.is_face)

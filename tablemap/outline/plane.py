@@ -44,6 +44,10 @@ class ViewPlane:
         offset = float(normal @ (base_from_camera[:3, 3] - anchor))
         return base_from_camera[:3, :3].T @ normal, offset
 
+    def drop(self, base_from_camera: Floats) -> float:
+        """Return how far the camera is above the top, metres, at least a decimetre."""
+        return max(float(base_from_camera[2, 3]) - self.height, 0.1)
+
 
 def axial_noise(depth: NDArray[np.floating]) -> NDArray[np.floating]:
     """Return a structured-light depth's sigma, metres (Nguyen et al. 2012, eq. 3, head on)."""

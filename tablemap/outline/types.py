@@ -28,8 +28,11 @@ class ViewEdges:
     ``points`` (n, 2) metres; ``normals`` (n, 2) outward units; ``sigma`` (n,) metres along the
     normal; ``kind`` (n,) uint8 of `EdgeKind`; ``is_near`` (n,) bool: the side face is towards the
     camera; ``pixels`` (n, 2) float column, row. ``camera_xy`` (2,) is the camera's place in the
-    base: a depth scale moves a point along ``points - camera_xy``. ``top`` (m, 2) and ``free``
-    (k, 2) are thinned points of the plane that this view saw as top, and saw through.
+    base: a depth scale moves a point along ``points - camera_xy``. ``scale_sigma`` is how well, as
+    a share of it, the view knows how far its camera is above the top, what the views disagree on
+    the height of the top included: it may be the camera's tilt. It acts like the scale. ``top`` (m,
+    2) and ``free`` (k, 2) are thinned points of the plane that this view saw as top, and saw
+    through.
 
     Neighbouring points share pixels and a view's systematic error, so ``n`` of them are worth about
     ``n / kappa`` independent ones: kappa is 4 to 12 at the default thinning.
@@ -45,6 +48,21 @@ class ViewEdges:
     camera_xy: Floats
     top: Floats
     free: Floats
+    scale_sigma: float = 0.0
+
+
+@dataclass(frozen=True)
+class TopScale:
+    """How well all views know how far the top is from their cameras, as a share of it.
+
+    ``sigma`` as the calibration says; ``sigma_trusting`` were the camera's height right in TF.
+    Should the distances turn out longer by a share s, the top's height above the floor grows by s
+    times ``height_by_scale`` metres.
+    """
+
+    sigma: float
+    sigma_trusting: float
+    height_by_scale: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +72,7 @@ class Outline:
     ``rim`` is how far the side face lies outside the line where near edges were first placed: near
     nought at a sharp edge, millimetres at a bevelled or rounded one (metres; None: no face seen).
     Near edges are at the face; far ones end where the flat top does, somewhere within.
+    ``scale`` is what the calibration leaves open of all distances (None: no calibration given).
     """
 
     views: tuple[ViewEdges, ...]
@@ -65,6 +84,7 @@ class Outline:
     warnings: tuple[ProcessWarning, ...]
     rim: float | None = None
     rim_sigma: float | None = None
+    scale: TopScale | None = None
 
     @property
     def is_dull(self) -> bool:

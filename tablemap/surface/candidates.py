@@ -9,17 +9,25 @@ import shapely
 
 from tablemap.config import SurfaceConfig
 from tablemap.geometry import Floats
-from tablemap.surface.choice import assumed_noise, criterion, dispersion_of, estimate_noise
+from tablemap.surface.choice import (
+    Criterion,
+    assumed_noise,
+    criterion,
+    dispersion_of,
+    estimate_noise,
+)
 from tablemap.surface.curved import Circle, RoundedRectangle
 from tablemap.surface.evidence import Evidence
 from tablemap.surface.joint import (
     JointFit,
-    Noise,
+    Spread,
     fit_jointly,
+    spread_of,
     unfitted,
     with_nuisances_of,
 )
 from tablemap.surface.polygons import polygons
+from tablemap.surface.residuals import Noise
 from tablemap.surface.shapes import Shape, area
 from tablemap.surface.starts import generators
 from tablemap.surface.status import UNSEEN, dimension_statuses, hold_unseen, sights, statuses
@@ -28,9 +36,14 @@ from tablemap.surface.straight import Parallelogram, Polygon, Rectangle, Sided, 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A fitted shape with its cost. ``is_hull`` marks the hull, which is no primitive."""
+    """A fitted shape, what the fit leaves open, and its cost.
+
+    ``is_hull`` marks the hull, which is no primitive.
+    """
 
     fit: JointFit
+    spread: Spread
+    criterion: Criterion
     cost: float
     inlier_fraction: float
     is_hull: bool = False
@@ -112,8 +125,9 @@ def _weighed(
             if fit.shape.normalised() is not fit.shape:
                 fit = with_nuisances_of(fit.shape.normalised(), fit)
                 fit = _settle(fit, evidence, config, (config.loss_sigmas,), noise)
-            if _is_supported(fit, config):
-                refined.append(_candidate(fit, evidence, config))
+            candidate = _candidate(fit, evidence, config)
+            if _is_supported(candidate, config):
+                refined.append(candidate)
         if refined:
             candidates.append(min(refined, key=lambda candidate: candidate.cost))
     hull = _hull_candidate(evidence, config, noise, candidates)
@@ -122,17 +136,9 @@ def _weighed(
     if not candidates:
         return []
     closest = min((candidate.fit for candidate in candidates), key=_raw_cost)
-    weighed = [_weigh(each, evidence, config, dispersion_of(closest)) for each in candidates]
+    dispersion = dispersion_of(closest)
+    weighed = [replace(each, cost=each.criterion.cost(dispersion)) for each in candidates]
     return sorted(_unbent(weighed, evidence, config), key=lambda candidate: candidate.cost)
-
-
-def _weigh(
-    candidate: Candidate, evidence: Evidence, config: SurfaceConfig, dispersion: float
-) -> Candidate:
-    """Give a candidate its cost in the light of how closely any of them follows the points."""
-    fit = candidate.fit
-    size = len(fit.shape.parameters)
-    return replace(candidate, cost=criterion(fit, size, evidence, config, dispersion=dispersion))
 
 
 def _unbent(
@@ -153,7 +159,7 @@ def _unbent(
             effective = max(len(each.fit.distance) / each.fit.noise.kappa, 2.0)
             penalty = float(np.log(effective)) + config.symmetry_cost
             advantage = max(rectangle.cost - (each.cost - penalty), 0.0)
-            variance = float(each.fit.covariance[5, 5])
+            variance = float(each.spread.covariance[5, 5])
             share = variance / (variance + evidence.skew_sigma**2)
             each = replace(each, cost=rectangle.cost + penalty - share * advantage)
         result.append(each)
@@ -168,6 +174,8 @@ def _settle(
     noise: Noise,
 ) -> JointFit:
     """Fit with each loss scale in turn; before each, anchor the sides that nothing holds."""
+    if not isinstance(start.shape, Sided):
+        return fit_jointly(start, evidence, config, gates=gates, iterations=8, noise=noise)
     fit = start
     for gate in gates:
         anchors = hold_unseen(_seen_from(fit, evidence, config, noise), evidence, config)
@@ -214,7 +222,7 @@ def hull_of(evidence: Evidence, points: Floats) -> Floats:
 
 
 def _cost(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> float:
-    return criterion(fit, len(fit.shape.parameters), evidence, config)
+    return criterion(fit, evidence, config).cost()
 
 
 def _raw_cost(fit: JointFit) -> float:
@@ -229,9 +237,12 @@ def _inliers(fit: JointFit, evidence: Evidence) -> float:
 def _candidate(
     fit: JointFit, evidence: Evidence, config: SurfaceConfig, *, is_hull: bool = False
 ) -> Candidate:
+    weighed = criterion(fit, evidence, config)
     return Candidate(
         fit=fit,
-        cost=_cost(fit, evidence, config),
+        spread=spread_of(fit, evidence, config),
+        criterion=weighed,
+        cost=weighed.cost(),
         inlier_fraction=_inliers(fit, evidence),
         is_hull=is_hull,
     )
@@ -242,12 +253,13 @@ def _seen_from(fit: JointFit, evidence: Evidence, config: SurfaceConfig, noise: 
     return fit_jointly(fit, evidence, config, gates=(), iterations=0, noise=noise)
 
 
-def _is_supported(fit: JointFit, config: SurfaceConfig) -> bool:
+def _is_supported(candidate: Candidate, config: SurfaceConfig) -> bool:
     """Say whether the evidence can speak for this shape at all.
 
     A square needs both its sizes; a free polygon, all its sides; a rounded corner, a radius beyond
     what a pixel makes of a sharp one, by three sigmas.
     """
+    fit = candidate.fit
     shape = fit.shape
     if not shape.is_plausible() or not np.isfinite(fit.data_cost):
         return False
@@ -260,7 +272,7 @@ def _is_supported(fit: JointFit, config: SurfaceConfig) -> bool:
         # Nothing says where a free side runs that was not seen.
         return UNSEEN not in statuses(shape, sights(fit), config)
     if isinstance(shape, RoundedRectangle):
-        least = config.corner_resolution + 3 * np.sqrt(fit.covariance[5, 5])
+        least = config.corner_resolution + 3 * np.sqrt(candidate.spread.covariance[5, 5])
         return bool(shape.parameters[5] > least)
     return True
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from tablemap.config import SurfaceConfig
 from tablemap.geometry import Floats
 from tablemap.surface.evidence import Evidence
-from tablemap.surface.joint import JointFit, Noise
+from tablemap.surface.joint import JointFit
+from tablemap.surface.residuals import Noise
 from tablemap.surface.shapes import centroid, signed_distance
 
 _MOST_LAGS = 40
@@ -75,28 +78,34 @@ def _kappa_range(evidence: Evidence, config: SurfaceConfig) -> tuple[float, floa
     return least, max(config.correlation_maximum_px / evidence.spacing_px, least)
 
 
-def criterion(
-    fit: JointFit,
-    parameters: int,
-    evidence: Evidence,
-    config: SurfaceConfig,
-    *,
-    dispersion: float = 1.0,
-) -> float:
-    """Return the Bayesian information criterion, lower is better.
+@dataclass(frozen=True)
+class Criterion:
+    """The Bayesian information criterion of a fit, in two parts; lower is better.
 
-    Robust squared residuals over kappa and what the nuisances strain their priors, both over the
-    ``dispersion`` (QBIC; Burnham and Anderson 2002, ch. 2.5), plus parameters times the logarithm
-    of the effective count, plus the cells that contradict the outline, plus the cost of each
-    symmetry that the shape breaks.
+    ``misfit``: robust squared residuals over kappa and what the nuisances strain their priors.
+    ``penalty``: parameters times the logarithm of the effective count, the cells that contradict
+    the outline, and the cost of each symmetry that the shape breaks.
     """
+
+    misfit: float
+    penalty: float
+
+    def cost(self, dispersion: float = 1.0) -> float:
+        """Return the criterion with the misfit over a dispersion (QBIC; Burnham and Anderson 2002,
+        ch. 2.5).
+        """
+        return self.misfit / dispersion + self.penalty
+
+
+def criterion(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> Criterion:
+    """Weigh how a shape fits against what it takes to do so."""
     effective = max(len(fit.distance) / fit.noise.kappa, 2.0)
     broken = BROKEN_SYMMETRIES.get(fit.shape.name, 2)
-    return (
-        (fit.data_cost / fit.noise.kappa + fit.prior_cost) / dispersion
-        + parameters * float(np.log(effective))
+    return Criterion(
+        misfit=fit.data_cost / fit.noise.kappa + fit.prior_cost,
+        penalty=len(fit.shape.parameters) * float(np.log(effective))
         + config.cell_cost * contradicting_cells(fit.shape.outline(), evidence, config)
-        + config.symmetry_cost * broken
+        + config.symmetry_cost * broken,
     )
 
 

@@ -12,6 +12,12 @@ from tablemap.errors import EstimationError, ProcessWarning
 from tablemap.geometry import Floats, Pose2
 from tablemap.outline import EdgeKind, Outline, ViewEdges
 from tablemap.registration import Registration
+from tablemap.surface.priors import (
+    common_sigma,
+    corrections_root,
+    pose_sigma,
+    skew_sigma,
+)
 
 Ints = NDArray[np.int64]
 
@@ -23,13 +29,13 @@ class Evidence:
     Everything is relative to ``origin`` (2,) in the map, a point amid the table, so that angles and
     offsets of lines are hardly correlated. ``in_base``, ``normal_in_base`` and ``lever`` (N, 2;
     from the camera to the point) are in the base of snapshot ``view`` (N,); ``poses`` (n, 3) are
-    all snapshots' x, y, yaw. A pose correction is ``prior_root`` (3n, m) times m independent unit
-    normals, so the relative covariance's null space (the mean pose) stays where it is. ``top`` and
-    ``free`` (c, 2) are centres of cells of ``cell`` metres. ``spacing_px`` is the typical distance
-    between neighbouring edge points of a view. ``common_mean`` and ``common_sigma`` (5,)
-    are the priors of the nuisances that all views share. ``pose_sigma`` is how well a view's
-    place is known (metres, the views' median), ``skew_sigma`` (radians) by how much the drive may
-    be bent: poses from depth alone share what is systematic about the camera, the laser's do not.
+    all snapshots' x, y, yaw. Their corrections (x, y, yaw, scale of the lever) are ``prior_root``
+    (4n, m) times m independent unit normals. ``top`` and ``free`` (c, 2) are centres of cells of
+    ``cell`` metres. ``spacing_px`` is the typical distance between neighbouring edge points of a
+    view. ``common_mean`` and ``common_sigma`` (6,) are the priors of the nuisances that all views
+    share. ``pose_sigma`` is how well a view's place is known (metres, the views' median),
+    ``skew_sigma`` (radians) by how much the drive may be bent: poses from depth alone share what is
+    systematic about the camera, the laser's do not.
     """
 
     origin: Floats
@@ -132,7 +138,7 @@ def gather(
         view=index,
         is_near=near.astype(bool),
         poses=poses,
-        prior_root=_root(registration.covariance, len(poses)),
+        prior_root=corrections_root(views, poses, registration, config),
         views=np.array([v.index for v in views], dtype=np.int64),
         view_slices=slices,
         top=top,
@@ -141,10 +147,10 @@ def gather(
         spacing_px=_spacing(views, parts),
         points=place(in_base, index, poses),
         normals=turn(normal, poses[index, 2]),
-        common_mean=np.array([0.0, 0.0, config.far_bias, 0.0, 0.0]),
-        common_sigma=_common_sigma(outline, registration, sigma[~near.astype(bool)], config),
-        pose_sigma=_pose_sigma(registration),
-        skew_sigma=_skew_sigma(registration, poses),
+        common_mean=np.zeros(6),
+        common_sigma=common_sigma(outline, registration, config),
+        pose_sigma=pose_sigma(registration),
+        skew_sigma=skew_sigma(registration, poses),
     )
     return evidence, tuple(warnings)
 
@@ -162,32 +168,6 @@ def place(in_base: Floats, view: Ints, poses: Floats) -> Floats:
     return turn(in_base, poses[view, 2]) + poses[view, :2]
 
 
-def _pose_sigma(registration: Registration) -> float:
-    variances = np.diag(registration.covariance).reshape(-1, 3)[:, :2]
-    return float(np.sqrt(np.median(variances)))
-
-
-def _skew_sigma(registration: Registration, poses: Floats) -> float:
-    if registration.source == "laser":
-        return 0.0
-    return registration.systematic / max(float(np.hypot(*poses[:, :2].T).mean()), 0.1)
-
-
-def _common_sigma(
-    outline: Outline, registration: Registration, far_sigma: Floats, config: SurfaceConfig
-) -> Floats:
-    """Return the priors of the nuisances that all views share.
-
-    What the registration bounds as systematic acts as a camera shifted in every base. Where the rim
-    is bevelled or rounded, far edges end where the flat top does, millimetres too early.
-    """
-    shift = max(registration.systematic / config.systematic_sigmas, 1e-6)
-    near = far = config.edge_bias_sigma
-    if outline.is_dull and len(far_sigma):
-        far = float(np.hypot(far, config.rim_set_back / np.median(far_sigma)))
-    return np.array([config.scale_sigma, near, far, shift, shift])
-
-
 def _thinned(view: ViewEdges, most: int) -> Ints:
     good = (
         (view.kind == EdgeKind.TABLE)
@@ -200,16 +180,6 @@ def _thinned(view: ViewEdges, most: int) -> Ints:
     if len(chosen) > most:
         chosen = chosen[np.linspace(0, len(chosen) - 1, most).round().astype(np.int64)]
     return chosen
-
-
-def _root(covariance: Floats, count: int) -> Floats:
-    size = 3 * count
-    if covariance.shape != (size, size) or not np.isfinite(covariance).all():
-        raise ValueError(f"expected a finite ({size}, {size}) covariance, got {covariance.shape}")
-    values, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
-    kept = values > max(1e-14, 1e-9 * float(values.max(initial=0.0)))
-    root: Floats = vectors[:, kept] * np.sqrt(values[kept])
-    return root
 
 
 def _spacing(views: list[ViewEdges], parts: list[Ints]) -> float:

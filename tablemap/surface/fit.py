@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from tablemap.config import SurfaceConfig
@@ -12,8 +14,10 @@ from tablemap.registration import Registration
 from tablemap.surface.candidates import Candidate, fit_candidates, hull_of
 from tablemap.surface.choice import contradicting_cells, weights
 from tablemap.surface.evidence import Evidence, gather
+from tablemap.surface.inner import inner_edges
 from tablemap.surface.joint import JointFit, corrected_poses
 from tablemap.surface.result import Figure, Primitive, Surface, SurfaceEdge
+from tablemap.surface.scale import ScaleBelief, scale_warning, settle_scale
 from tablemap.surface.shapes import Shape, signed_distance
 from tablemap.surface.status import (
     INFERRED,
@@ -50,18 +54,19 @@ def fit_surface(
     scores = weights([c.cost for c in standing]) if standing else []
     if not standing:
         standing, fallen, scores = candidates, [], weights([c.cost for c in candidates])
+    chosen, belief = settle_scale(standing[0], outline, evidence, config)
+    standing[0] = chosen
     primitives = [
         _primitive(candidate, score, evidence, config)
         for candidate, score in zip(standing + fallen, scores + [0.0] * len(fallen), strict=True)
     ]
-    chosen = standing[0]
     figures, radius = _figures(chosen, config)
     edges = _edges(chosen, evidence, config)
     return Surface(
         shape=chosen.name,
         pose=primitives[0].pose,
         covariance=_pose_covariance(chosen, evidence, registration),
-        height=Figure(outline.height, _finite(outline.height_sigma)),
+        height=_height(outline, belief),
         thickness=(
             None
             if outline.thickness is None
@@ -82,9 +87,20 @@ def fit_surface(
         hull=hull_of(evidence, chosen.fit.points[chosen.fit.misfit < 5]) + evidence.origin,
         warnings=(
             *warnings,
+            *scale_warning(belief, outline, config),
             *_doubts(chosen, primitives, edges, figures, evidence, config),
         ),
     )
+
+
+def _height(outline: Outline, belief: ScaleBelief) -> Figure:
+    """Correct the height by the depth scale: the floor ties that to the camera's height."""
+    scale = outline.scale
+    if scale is None:
+        return Figure(outline.height, _finite(outline.height_sigma))
+    learnt = scale.height_by_scale**2 * (scale.sigma**2 - belief.sigma**2)
+    sigma = float(np.sqrt(max(outline.height_sigma**2 - learnt, 0.0)))
+    return Figure(outline.height + scale.height_by_scale * belief.value, _finite(sigma))
 
 
 def _finite(sigma: float | None) -> float | None:
@@ -130,7 +146,7 @@ def _figures(
     seen = sights(fit)
     status = dimension_statuses(fit.shape, seen, statuses(fit.shape, seen, config))
     jacobian = _derivative(fit.shape)[3:]
-    variance = np.einsum("ij,jk,ik->i", jacobian, fit.covariance, jacobian)
+    variance = np.einsum("ij,jk,ik->i", jacobian, candidate.spread.covariance, jacobian)
     unbounded = _unbounded(fit)
     systematic = config.dimension_systematic
     figures = {}
@@ -175,7 +191,7 @@ def _pose_covariance(
     """Add how well the top is placed among the stops to how well these are placed in the map."""
     fit = candidate.fit
     jacobian = _derivative(fit.shape)[:3]
-    relative = jacobian @ fit.covariance @ jacobian.T
+    relative = jacobian @ candidate.spread.covariance @ jacobian.T
     centre = fit.shape.describe()[0][:2]
     lever = centre - evidence.poses[:, :2].mean(axis=0)
     carry = np.eye(3)
@@ -199,7 +215,9 @@ def _edges(
         along = piece[-1] - piece[0]
         outward = np.array([along[1], -along[0]]) / max(float(np.linalg.norm(along)), 1e-9)
         row = fit.shape.measure(middle[None], outward[None]).jacobian[0]
-        sigma: float | None = float(np.sqrt(max(row @ fit.covariance @ row, 0) + systematic**2))
+        sigma: float | None = float(
+            np.sqrt(max(row @ candidate.spread.covariance @ row, 0) + systematic**2)
+        )
         if candidate.is_hull or index in unbounded:
             sigma = None
         edges.append(
@@ -235,23 +253,7 @@ def _doubts(
                     f"{other.shape} (weight {other.score:.2f}) explains its edge nearly as well.",
                 )
             )
-    if isinstance(chosen.fit.shape, Sided) and not chosen.is_hull:
-        for status, code, words in (
-            (UNSEEN, "accuracy.unseen_side", "was not seen and is only bounded"),
-            (INFERRED, "accuracy.inferred_side", "was seen only in part"),
-        ):
-            sides = [k for k, edge in enumerate(edges) if edge.status == status]
-            if sides:
-                named = ", ".join(
-                    f"{np.linalg.norm(edges[k].points[1] - edges[k].points[0]):.2f} m"
-                    for k in sides
-                )
-                found.append((code, f"{len(sides)} of {len(edges)} sides ({named}) {words}."))
-    elif any(figure.status != MEASURED for figure in figures.values()):
-        share = float(np.mean([edge.seen_fraction for edge in edges]))
-        found.append(
-            ("accuracy.inferred_side", f"Only {100 * share:.0f} % of the top's edge was seen.")
-        )
+    found += _partly_seen(chosen, edges, figures, config)
     if len(evidence.views) < 3:
         found.append(
             ("accuracy.few_views", f"Only {len(evidence.views)} views saw the edge of the top.")
@@ -274,4 +276,65 @@ def _doubts(
                 "outline, or seen through within it.",
             )
         )
+    for edge in inner_edges(chosen.fit.points, chosen.fit.shape.outline(), config)[:1]:
+        found.append(
+            (
+                "accuracy.inner_edge",
+                f"{edge.points} edge points run for {edge.length:.2f} m inside of the outline: "
+                "another surface of this height may touch the table.",
+            )
+        )
     return [ProcessWarning(code, "surface", message) for code, message in found]
+
+
+def _partly_seen(
+    chosen: Candidate,
+    edges: tuple[SurfaceEdge, ...],
+    figures: dict[str, Figure],
+    config: SurfaceConfig,
+) -> list[tuple[str, str]]:
+    """Say what was not seen, or in part; a doubt only where that leaves the figures open."""
+    if not isinstance(chosen.fit.shape, Sided) or chosen.is_hull:
+        if all(figure.status == MEASURED for figure in figures.values()):
+            return []
+        sigmas = [figure.sigma for figure in figures.values()]
+        share = float(np.mean([edge.seen_fraction for edge in edges]))
+        message = f"Only {100 * share:.0f} % of the top's edge was seen."
+        return [(_partly_code(sigmas, config), message)]
+    found = []
+    unseen = [k for k, edge in enumerate(edges) if edge.status == UNSEEN]
+    if unseen:
+        found.append(
+            (
+                "accuracy.unseen_side",
+                _sides_of(edges, unseen) + " was not seen and is only bounded.",
+            )
+        )
+    partly = [k for k, edge in enumerate(edges) if edge.status == INFERRED]
+    if partly:
+        sigmas = [_end_sigma(chosen, k) for k in partly]
+        message = _sides_of(edges, partly) + " was seen only in part."
+        found.append((_partly_code(sigmas, config), message))
+    return found
+
+
+def _partly_code(sigmas: Sequence[float | None], config: SurfaceConfig) -> str:
+    held = all(sigma is not None and sigma < config.held_sigma for sigma in sigmas)
+    return "surface.inferred_side" if held else "accuracy.inferred_side"
+
+
+def _end_sigma(chosen: Candidate, side: int) -> float:
+    """Return how uncertain the worse known end of a straight side is across it, metres."""
+    shape, covariance = chosen.fit.shape, chosen.spread.covariance
+    piece = shape.pieces()[side]
+    along = piece[1] - piece[0]
+    outward = np.array([along[1], -along[0]]) / max(float(np.linalg.norm(along)), 1e-9)
+    rows = shape.measure(piece, np.tile(outward, (2, 1))).jacobian
+    return float(np.sqrt(np.einsum("ij,jk,ik->i", rows, covariance, rows).max()))
+
+
+def _sides_of(edges: tuple[SurfaceEdge, ...], chosen: list[int]) -> str:
+    named = ", ".join(
+        f"{np.linalg.norm(edges[k].points[1] - edges[k].points[0]):.2f} m" for k in chosen
+    )
+    return f"{len(chosen)} of {len(edges)} sides ({named})"

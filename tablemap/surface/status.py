@@ -18,6 +18,7 @@ from tablemap.surface.straight import Parallelogram, Rectangle, Sided, Square
 MEASURED, INFERRED, UNSEEN = "measured", "inferred", "unseen"
 _STEP = 0.01  # metres between the samples of a side that are seen or not
 _REACH = 0.015  # metres from a sample to an edge point that shows it
+_BOTH_ENDS = 2 / 3  # seen over less of its length, a side was seen at one end
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ def statuses(shape: Shape, seen: tuple[Sight, ...], config: SurfaceConfig) -> tu
     """Say of each side whether it was measured, is inferred or unseen."""
     own = []
     for sight in seen:
-        if sight.fraction >= config.measured_fraction and sight.spread >= 0.5:
+        if sight.fraction >= config.measured_fraction and sight.spread >= _BOTH_ENDS:
             own.append(MEASURED)
         elif sight.fraction >= config.inferred_fraction:
             own.append(INFERRED)

@@ -102,9 +102,9 @@ def test_solid_block_has_no_thickness() -> None:
 
 def test_bevelled_rim_puts_near_edges_at_the_face() -> None:
     """A rim that falls 8 mm is dull and its near edges lie on the face; a sharp one is not."""
-    steps = np.linspace(0.0, 0.008, 9)
+    steps = np.linspace(0.0, 0.008, 5)
     tiers = [Box(TOP.centre, (0.8 - 2 * s, 0.7 - 2 * s), 0.705, 0.737 + s, 0.3) for s in steps]
-    bevelled = outline_of(Scene(tiers[-1], tuple(tiers[:-1])), LOW_CAMERA, HIGH_CAMERA)
+    bevelled = outline_of(Scene(tiers[-1], tuple(tiers[:-1])), LOW_CAMERA)
     assert bevelled.is_dull
     for view in bevelled.views:
         near = (view.kind == EdgeKind.TABLE) & view.is_near

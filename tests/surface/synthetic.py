@@ -32,7 +32,7 @@ class Bench:
     hidden: tuple[tuple[float, float], ...] = ()
     points: int = 350
     bias_sigma: float = 0.15
-    far_bias: float = 0.45
+    far_bias: float = 0.0
     free: bool = True
 
 

@@ -10,7 +10,9 @@ import pytest
 from tablemap.config import SurfaceConfig
 from tablemap.errors import EstimationError
 from tablemap.geometry import Pose2
+from tablemap.outline import TopScale
 from tablemap.surface import Surface, fit_surface
+from tablemap.surface.scale import believe
 from tablemap.surface.shapes import area, signed_distance
 from tests.surface.synthetic import (
     Bench,
@@ -68,6 +70,50 @@ def test_pose_errors_of_centimetres_are_taken_up_by_the_nuisances() -> None:
     assert surface.shape == "rectangle"
     assert abs(surface.dimensions["length"].value - 1.2) < 0.005
     assert abs(surface.dimensions["width"].value - 0.8) < 0.005
+
+
+def test_a_dull_rim_leaves_the_size_to_the_near_edges() -> None:
+    """Far edges that end 7 mm early take nothing off a table whose near edges lie on the face."""
+    bench = replace(Bench(), far_bias=-2.8)
+    outline, registration = observe(TABLES["rectangle"], bench, np.random.default_rng(3))
+    dull = replace(outline, rim=0.002, rim_sigma=0.0002)
+    surface = fit_surface(dull, registration, config=SurfaceConfig(), seed=0)
+    for key, truth in TABLES["rectangle"].dimensions.items():
+        figure = surface.dimensions[key]
+        assert figure.sigma is not None
+        assert abs(figure.value - truth) < min(0.003, 3 * figure.sigma)
+
+
+def test_a_wrong_camera_height_is_admitted() -> None:
+    """Depths half a percent off, as the floor leaves them open, stay within the stated sigmas."""
+    table = TABLES["rectangle"]
+    bench = replace(Bench(), scale_sigma=0.005)
+    errors = []
+    for seed in range(3):
+        outline, registration = observe(table, bench, np.random.default_rng(seed))
+        scale = TopScale(sigma=0.005, sigma_trusting=0.001, height_by_scale=0.74)
+        outline = replace(outline, scale=scale, height_sigma=0.0038)
+        surface = fit_surface(outline, registration, config=SurfaceConfig(), seed=0)
+        assert surface.height.sigma is not None
+        assert 0.001 < surface.height.sigma < 0.0038
+        for key, truth in table.dimensions.items():
+            figure = surface.dimensions[key]
+            assert figure.sigma is not None
+            errors.append(abs(figure.value - truth) / figure.sigma)
+    assert max(errors) < 3
+    assert np.median(errors) < 1.96
+
+
+def test_evidence_decides_whether_the_camera_height_is_believed() -> None:
+    """Edges that say nothing leave the floor's word; edges that are sure of a scale overrule it."""
+    prior = {"under": 0.005, "trusting": 0.001, "wide": 0.005, "config": SurfaceConfig()}
+    mute = believe(0.0, 0.005 * (1 - 1e-6), **prior)
+    assert abs(mute.value) < 1e-9
+    assert 0.001 < mute.sigma < 0.005
+    sure = believe(0.0058, 0.0005, **prior)
+    assert sure.value == pytest.approx(0.0058, abs=2e-4)
+    assert sure.sigma < 0.0006
+    assert sure.doubt > 0.99
 
 
 def test_an_unseen_side_is_not_called_measured() -> None:
