@@ -10,17 +10,11 @@ from tablemap.config import LegsConfig
 from tablemap.geometry import Floats, Pose2
 from tablemap.legs.clusters import Cluster, Persistence, find_clusters, persistence
 from tablemap.legs.depth import Reach, reach
+from tablemap.legs.evidence import Evidence, gather_evidence, thinned
 from tablemap.legs.fit import Fit, Priors, criterion, fit_alone
 from tablemap.legs.layout import Frame, chair_like, symmetric_sets
 from tablemap.legs.scans import Scans
-from tablemap.legs.silhouettes import (
-    Evidence,
-    Segments,
-    beam_points,
-    find_segments,
-    gather_evidence,
-    thinned,
-)
+from tablemap.legs.silhouettes import Segments, Walls, beam_points, find_segments
 from tablemap.snapshots import Snapshot
 
 _SYMMETRY = 0.03  # partners are this near to where symmetry puts them
@@ -61,15 +55,15 @@ def find_candidates(
     frame: Frame,
     *,
     config: LegsConfig,
-) -> tuple[list[Candidate], Floats]:
-    """Return all clusters under or near the top, and the thinned evidence (n, 2) in the map."""
+) -> tuple[list[Candidate], Floats, Walls]:
+    """Return all clusters under or near the top, the thinned evidence (n, 2) in the map, walls."""
     points = beam_points(scans)
-    segments = find_segments(scans, points, frame.polygon, config=config)
+    segments, walls = find_segments(scans, points, frame.polygon, config=config)
     candidates = [
         _judged(scans, points, segments, cluster, snapshots, poses, frame, config)
         for cluster in find_clusters(scans, points, segments, config=config)
     ]
-    return candidates, _thinned(points, segments)
+    return candidates, _thinned(points, segments), walls
 
 
 def _judged(

@@ -12,7 +12,8 @@ from shapely.geometry import Polygon
 
 from tablemap.config import LegsConfig
 from tablemap.geometry import Floats, Pose2, invert, transform
-from tablemap.legs.silhouettes import Evidence
+from tablemap.legs.evidence import Evidence
+from tablemap.legs.silhouettes import Walls
 from tablemap.snapshots import Snapshot
 
 _STRIDE = 2  # pixels: posts of 3 cm are still 4 columns wide at 2 m
@@ -105,13 +106,15 @@ def find_posts(
     poses: dict[int, Pose2],
     outline: Polygon,
     height: float,
+    walls: Walls,
     *,
     config: LegsConfig,
 ) -> list[Post]:
     """Find upright things under the top that reach from near the floor up to it.
 
     Looks at pixels inside the outline between 5 cm above the floor and 5 cm under the top; a post
-    is a column of the map whose layers of 5 cm are mostly filled, the upper ones too.
+    is a column of the map whose layers of 5 cm are mostly filled, the upper ones too. What lies on
+    one of the ``walls`` that the laser found is left out.
     """
     low, high = 0.05, height - 0.06
     layers = int((high - low) / _LAYER)
@@ -131,6 +134,8 @@ def find_posts(
             points = points[(points[:, 2] > low) & (points[:, 2] < low + layers * _LAYER)]
         points = map_from_base.apply(points)
         points = points[shapely.contains_xy(grown, points[:, 0], points[:, 1])]
+        for normal, offset in walls:
+            points = points[np.abs(points[:, :2] @ normal - offset) > config.wall_distance]
         by_view[index] = points
         cells = ((points - [x0, y0, low]) / [_CELL, _CELL, _LAYER]).astype(np.int64)
         np.add.at(counts, tuple(cells.T), 1)
@@ -185,8 +190,14 @@ def _post(
         if face.sum() < config.depth_points:
             continue
         lateral = 1.5 * _STRIDE * distance / snapshots[index].camera.fx
+        around_aside, around_along = (cloud[:, :2] - eye) @ left, (cloud[:, :2] - eye) @ sight
+        around = np.abs(around_along - front - 0.025) < 0.075
         for side in (-1.0, 1.0):
             edge = float(np.percentile(aside[face] * side, 97))
+            beyond = around_aside[around] * side - edge
+            # What goes on beside it at its depth (a wall close behind) hides where it ends.
+            if ((beyond > 0.01) & (beyond < 0.05)).sum() >= config.depth_points:
+                continue
             point = eye + sight * (front + 0.01) + left * side * edge
             normals.append(left * side)
             points.append(point)
@@ -199,7 +210,7 @@ def _post(
         rows.append(np.full(len(face_points), len(collected)))
         hit_levers.append(centre - base.translation)
         collected.append(own[:, :2])
-    if not collected:
+    if not sigmas:
         return None
     evidence = Evidence(
         normal=np.array(normals),

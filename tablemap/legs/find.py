@@ -10,11 +10,13 @@ from tablemap.config import LegsConfig
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats, Pose2
 from tablemap.legs.candidates import Candidate, find_candidates, judge
-from tablemap.legs.depth import find_posts
+from tablemap.legs.depth import Reach, find_posts, reach
 from tablemap.legs.layout import Frame
+from tablemap.legs.missing import infer_missing
 from tablemap.legs.posts import accept_posts
 from tablemap.legs.scans import Scans, gather_scans
-from tablemap.legs.shapes import infer_missing, refine
+from tablemap.legs.shapes import refine
+from tablemap.legs.silhouettes import Walls
 from tablemap.legs.types import Legs, RejectedCluster
 from tablemap.recording import Recording
 from tablemap.registration import Registration
@@ -39,8 +41,10 @@ def find_legs(
     laser. Never raises for a lack of evidence: the warnings say so.
     """
     warnings: list[ProcessWarning] = []
+    # A laser saw the legs from where it has itself; depth from where the fit of its edges has it.
+    corrected = {} if registration.source == "laser" else surface.map_from_base
     poses = {
-        index: surface.map_from_base.get(index, pose)
+        index: corrected.get(index, pose)
         for index, pose in enumerate(registration.map_from_base)
         if registration.used[index] and index < len(snapshots)
     }
@@ -53,15 +57,23 @@ def find_legs(
         scans = _usable_scans(recording, snapshots, registration, frame, poses, config, warnings)
         candidates: list[Candidate] = []
         evidence: Floats = np.zeros((0, 2))
+        walls: Walls = []
         if scans is not None:
-            candidates, evidence = find_candidates(scans, snapshots, poses, frame, config=config)
+            candidates, evidence, walls = find_candidates(
+                scans, snapshots, poses, frame, config=config
+            )
             candidates = judge(candidates, frame)
         accepted = [candidate for candidate in candidates if candidate.reason is None]
         legs, beam, bias = refine(accepted, scans, registration, frame, config=config)
-        posts = find_posts(snapshots, poses, polygon, surface.height.value, config=config)
+        posts = find_posts(snapshots, poses, polygon, surface.height.value, walls, config=config)
         more, refused = accept_posts(posts, legs, candidates, scans, frame, config=config)
         legs = legs + more
-        legs += infer_missing(legs, candidates, scans, frame, config=config)
+        highest = surface.height.value - 0.06
+
+        def looked(place: Floats, radius: float) -> Reach:
+            return reach(snapshots, poses, place, radius, min(0.1, highest), highest)
+
+        legs += infer_missing(legs, candidates, scans, looked, frame, config=config)
     rejected = [
         RejectedCluster(float(c.place[0]), float(c.place[1]), c.points, c.reason)
         for c in candidates

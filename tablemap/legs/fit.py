@@ -1,8 +1,4 @@
-"""Primitives through support lines and depths, with poses, beam width and bias as nuisances.
-
-A tangent with outward unit normal n touches a convex shape of centre c where n.p = n.c + h(n): h is
-the radius of a circle, and (l |n.u| + w |n.v|) / 2 of a rectangle with axes u and v.
-"""
+"""Primitives through support lines and depths, with poses, beam width and bias as nuisances."""
 
 from __future__ import annotations
 
@@ -13,7 +9,8 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tablemap.geometry import Floats
-from tablemap.legs.silhouettes import Evidence
+from tablemap.legs.evidence import Evidence
+from tablemap.legs.primitives import PARAMETERS, support, surface_distance
 
 _CAUCHY = 2.5
 _SHARED = 1.3
@@ -21,10 +18,6 @@ _SMALLEST = 0.004
 _SETTLED = 1e-5  # metres and radians
 _YAWS = 8  # that a fit may start from, over a quarter turn
 _AGREE = 0.85  # of the tangents: the others are ends of pieces, where a neighbour hides the thing
-_GRAZING = 0.4  # cosine of incidence under which a depth says little
-
-PARAMETERS = {"circle": 3, "square": 4, "rectangle": 5}
-"""x, y, then diameter; or side, yaw; or length, width, yaw."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +42,8 @@ class Fit:
     ``parameters`` (K, p) and their ``covariance`` per leg (K, p, p), scaled by the residuals where
     those are larger than their sigmas; ``cost`` is the robust sum of squares with the priors,
     ``costs`` (K,) each leg's part; ``count`` residuals; ``free`` parameters without yaws that a
-    prior holds, ``shared`` of them by all legs; ``rms`` (K,) metres of the tangents.
+    prior holds, ``shared`` of them by all legs; ``rms`` (K,) metres of the tangents. ``misfits``
+    are each leg's residuals over their sigmas: its tangents' and its depths'.
     """
 
     kind: str
@@ -63,6 +57,7 @@ class Fit:
     rms: Floats
     beam_half_width: float
     range_bias: float
+    misfits: tuple[tuple[Floats, Floats], ...]
 
 
 def fit_shapes(
@@ -130,11 +125,14 @@ def fit_shapes(
     normal, gradient = prior.copy(), prior @ (mean - x)
     costs, rms, scale = np.zeros(legs), np.zeros(legs), np.ones(legs)
     count = 0
+    misfits = []
     for leg in range(legs):
         rows = _linearised(kind, x, columns[leg], evidence[leg], beam, groups, True)
         own = np.concatenate([columns[leg], nuisances])
         _add(normal, gradient, rows, own, poses, groups)
-        ratio = (rows.residual / rows.sigma) ** 2
+        misfit = rows.residual / rows.sigma
+        misfits.append((misfit[: rows.tangents], misfit[rows.tangents :]))
+        ratio = misfit**2
         costs[leg] = _CAUCHY**2 * float(np.log1p(ratio / _CAUCHY**2).sum())
         # A depth that this shape cannot explain at all must not make it cheaper.
         costs[leg] += rows.unexplained
@@ -159,6 +157,7 @@ def fit_shapes(
         rms=rms,
         beam_half_width=float(x[beam]),
         range_bias=float(x[bias]),
+        misfits=tuple(misfits),
     )
 
 
@@ -186,7 +185,7 @@ def _linearised(
     depths: bool,
 ) -> _Rows:
     values = x[own]
-    h, slope = _support(kind, values, evidence.normal)
+    h, slope = support(kind, values, evidence.normal)
     residual = np.einsum("ij,ij->i", evidence.normal, evidence.point - values[:2]) - h
     residual = residual - evidence.range * x[beam]
     slope = np.column_stack([-slope, -evidence.range, np.zeros(len(residual))])
@@ -194,16 +193,14 @@ def _linearised(
     group, sigma, tangents = evidence.group, evidence.sigma, len(residual)
     unexplained = 0
     if depths and len(evidence.hit_sigma):
-        distance, normals, steps, ok = _surface_distance(kind, values, evidence.hits, evidence.rays)
+        distance, normals, steps, ok = surface_distance(kind, values, evidence.hits, evidence.rays)
         segments = len(evidence.hit_sigma)
-        counts = np.bincount(evidence.row, weights=ok, minlength=segments)
+        starts = np.searchsorted(evidence.row, np.arange(segments))
+        counts = np.add.reduceat(ok, starts)
         share = ok / np.maximum(counts, 1)[evidence.row]
         cosine = np.einsum("ij,ij->i", normals, evidence.rays)
         beams = np.column_stack([distance - cosine * x[beam + 1], normals, steps, cosine])
-        means = np.stack(
-            [np.bincount(evidence.row, weights=b * share, minlength=segments) for b in beams.T],
-            axis=1,
-        )[counts > 0].astype(np.float64)
+        means = np.add.reduceat(beams * share[:, None], starts)[counts > 0]
         unexplained = int((counts == 0).sum())
         seen = counts > 0
         residual = np.concatenate([residual, means[:, 0]])
@@ -231,91 +228,23 @@ def _add(
     poses: int,
     groups: int,
 ) -> None:
-    """Add one leg's rows to the normal equations, group by group."""
+    """Add one leg's rows to the normal equations."""
     weight = 1.0 / (rows.sigma**2 * (1.0 + (rows.residual / (_CAUCHY * rows.sigma)) ** 2))
     if not groups:
         weighted = rows.slope.T * weight
         normal[np.ix_(own, own)] += weighted @ rows.slope
         gradient[own] -= weighted @ rows.residual
         return
-    order = np.argsort(rows.group, kind="stable")
-    present, starts = np.unique(rows.group[order], return_index=True)
-    full = np.column_stack([rows.slope, rows.pose])[order]
-    weighted = full * weight[order, None]
-    k = len(own)
-    blocks = np.add.reduceat(weighted[:, :, None] * full[:, None, :], starts, axis=0)
-    moments = np.add.reduceat(weighted * rows.residual[order, None], starts, axis=0)
-    at = poses + 3 * present[:, None] + np.arange(3)
-    normal[np.ix_(own, own)] += blocks[:, :k, :k].sum(axis=0)
-    gradient[own] -= moments[:, :k].sum(axis=0)
-    normal[at[:, :, None], at[:, None, :]] += blocks[:, k:, k:]
-    gradient[at] -= moments[:, k:]
-    normal[own[None, :, None], at[:, None, :]] += blocks[:, :k, k:]
-    normal[at[:, :, None], own[None, None, :]] += blocks[:, k:, :k]
-
-
-def _support(kind: str, values: Floats, normal: Floats) -> tuple[Floats, Floats]:
-    """Return h (n,) and d(n.c + h)/d(values) (n, p)."""
-    if kind == "circle":
-        h = np.full(len(normal), 0.5 * values[2])
-        return h, np.column_stack([normal, np.full(len(normal), 0.5)])
-    length, width, yaw = values[2], values[-2], values[-1]
-    c, s = np.cos(yaw), np.sin(yaw)
-    along, across = normal @ [c, s], normal @ [-s, c]
-    h = 0.5 * (length * np.abs(along) + width * np.abs(across))
-    turn = 0.5 * (length * np.sign(along) * across - width * np.sign(across) * along)
-    if kind == "square":
-        return h, np.column_stack([normal, 0.5 * (np.abs(along) + np.abs(across)), turn])
-    return h, np.column_stack([normal, 0.5 * np.abs(along), 0.5 * np.abs(across), turn])
-
-
-def _surface_distance(
-    kind: str, values: Floats, points: Floats, rays: Floats
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return distances (n,) to the surface that each ray meets, along its normal (n, 2), with
-    d(distance)/d(values) (n, p) and validity (n,).
-
-    The ray decides which part of the surface is meant: the noisy point would favour the wrong one.
-    """
-    offset = points - values[:2]
-    along_ray = np.einsum("ij,ij->i", offset, rays)
-    if kind == "circle":
-        radius = 0.5 * values[2]
-        closest = offset - along_ray[:, None] * rays
-        square = radius**2 - np.einsum("ij,ij->i", closest, closest)
-        depth = np.sqrt(np.maximum(square, 0.0))
-        normals = (closest - depth[:, None] * rays) / radius
-        cosine = -depth / radius
-        ok = cosine < -_GRAZING
-        slope = np.column_stack([-normals, np.full(len(points), -0.5)])
-        return (along_ray + depth) * cosine, normals, slope, ok.astype(np.float64)
-    length, width, yaw = values[2], values[-2], values[-1]
-    u = np.array([np.cos(yaw), np.sin(yaw)])
-    v = np.array([-u[1], u[0]])
-    along, across = offset @ u, offset @ v
-    ray_u, ray_v = rays @ u, rays @ v
-    ray_u = np.where(np.abs(ray_u) < 1e-9, 1e-9, ray_u)
-    ray_v = np.where(np.abs(ray_v) < 1e-9, 1e-9, ray_v)
-    enter_u = (-np.sign(ray_u) * 0.5 * length - along) / ray_u
-    enter_v = (-np.sign(ray_v) * 0.5 * width - across) / ray_v
-    leave_u = (np.sign(ray_u) * 0.5 * length - along) / ray_u
-    leave_v = (np.sign(ray_v) * 0.5 * width - across) / ray_v
-    end = enter_u > enter_v
-    enter = np.maximum(enter_u, enter_v)
-    side = np.where(end, -np.sign(ray_u), -np.sign(ray_v))
-    normals = np.where(end[:, None], u, v) * side[:, None]
-    cosine = np.einsum("ij,ij->i", normals, rays)
-    ok = (enter < np.minimum(leave_u, leave_v)) & (cosine < -_GRAZING)
-    met_along, met_across = along + enter * ray_u, across + enter * ray_v
-    turn = np.where(end, met_across, -met_along) * side
-    half = np.full(len(points), -0.5)
-    if kind == "square":
-        slope = np.column_stack([-normals, half, turn])
-    else:
-        slope = np.column_stack(
-            [-normals, np.where(end, half, 0.0), np.where(end, 0.0, half), turn]
-        )
-    return -enter * cosine, normals, slope, ok.astype(np.float64)
+    # Dense, poses of all groups beside the leg's own: one product beats many small ones.
+    width = len(own)
+    full = np.zeros((len(weight), width + 3 * groups))
+    full[:, :width] = rows.slope
+    at = width + 3 * rows.group[:, None] + np.arange(3)
+    full[np.arange(len(weight))[:, None], at] = rows.pose
+    weighted = full.T * weight
+    columns = np.concatenate([own, poses + np.arange(3 * groups)])
+    normal[np.ix_(columns, columns)] += weighted @ full
+    gradient[columns] -= weighted @ rows.residual
 
 
 def fit_alone(
@@ -339,7 +268,7 @@ def _at_yaw(kind: str, evidence: Evidence, centre: Floats, yaw: float) -> tuple[
     Returns the robust cost and the (p,) parameters.
     """
     trial = np.array([*centre, *[0.0] * (PARAMETERS[kind] - 3), yaw])
-    slope = _support(kind, trial, evidence.normal)[1][:, :-1]
+    slope = support(kind, trial, evidence.normal)[1][:, :-1]
     target = np.einsum("ij,ij->i", evidence.normal, evidence.point - centre)
     weight = 1.0 / evidence.sigma
     for _ in range(4):

@@ -55,6 +55,8 @@ def accept_posts(
                 refused.append(_refused(post, "the laser saw through under it"))
                 continue
         fitted.append(_Fitted(post, fit, place))
+    fitted, doubles = _without_doubles(fitted)
+    refused += doubles
     places = np.array([f.place for f in fitted] + [[leg.x, leg.y] for leg in legs]).reshape(-1, 2)
     sets = symmetric_sets(frame, places, config.depth_symmetry)
     partners = {i for members, _ in sets for i in members}
@@ -72,6 +74,24 @@ def accept_posts(
         else:
             refused.append(_refused(one.post, "seen by depth, without a partner by symmetry"))
     return found, refused
+
+
+def _without_doubles(fitted: list[_Fitted]) -> tuple[list[_Fitted], list[RejectedCluster]]:
+    """Set aside what overlaps a post with more evidence: a piece of the same thing."""
+    kept: list[_Fitted] = []
+    refused: list[RejectedCluster] = []
+    for one in sorted(fitted, key=lambda f: len(f.post.evidence.sigma), reverse=True):
+        reach = [0.5 * (_size(one) + _size(other)) + 0.01 for other in kept]
+        apart = [np.linalg.norm(one.place - other.place) for other in kept]
+        if any(a < r for a, r in zip(apart, reach, strict=True)):
+            refused.append(_refused(one.post, "a fragment of the post beside it"))
+        else:
+            kept.append(one)
+    return kept, refused
+
+
+def _size(one: _Fitted) -> float:
+    return float(one.fit.parameters[0, 2])
 
 
 def _refused(post: Post, reason: str) -> RejectedCluster:
@@ -108,4 +128,5 @@ def _leg(one: _Fitted, config: LegsConfig) -> Leg:
         dimensions={"diameter": size} if circle else {"length": size, "width": size},
         points=one.post.points[:, :2],
         views=one.post.views,
+        seen_by="depth",
     )

@@ -15,6 +15,9 @@ from tablemap.recording.messages import LaserScan
 from tablemap.registration import Registration
 from tablemap.snapshots import Snapshot
 
+_LOST = 2  # beams in a row that a surface may lose
+_ONE_DEPTH = 0.05  # metres between the beams beside them
+
 
 @dataclass(frozen=True, eq=False)
 class Scans:
@@ -202,7 +205,22 @@ def _cleaned(scan: LaserScan) -> Floats:
     lost = ~unknown & (ranges >= far)
     # A driver without an infinity marks lost beams as NaN or zero.
     unknown_value = np.nan if lost.any() else np.inf
-    return np.where(lost, np.inf, np.where(unknown, unknown_value, ranges))
+    return _bridged(np.where(lost, np.inf, np.where(unknown, unknown_value, ranges)))
+
+
+def _bridged(ranges: Floats) -> Floats:
+    """Fill one or two lost beams between two that ended at one depth: one surface, not its ends."""
+    hit = np.flatnonzero(np.isfinite(ranges))
+    before, after = hit[:-1], hit[1:]
+    gap = after - before
+    same = np.abs(ranges[after] - ranges[before]) < _ONE_DEPTH
+    filled = ranges.copy()
+    for missing in (1, 2):
+        at = before[same & (gap > missing) & (gap <= _LOST + 1)] + missing
+        filled[at] = 0.5 * (
+            ranges[at - missing] + ranges[after[np.searchsorted(before, at - missing)]]
+        )
+    return filled
 
 
 def _placed(

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.linalg import block_diag
-from shapely.geometry import Point
 
 from tablemap.config import LegsConfig
 from tablemap.geometry import Floats
 from tablemap.legs.candidates import Candidate
-from tablemap.legs.clusters import persistence
+from tablemap.legs.evidence import Evidence
 from tablemap.legs.fit import Fit, Priors, criterion, fit_shapes
-from tablemap.legs.layout import Frame, symmetric_sets
+from tablemap.legs.layout import Frame
 from tablemap.legs.scans import Scans
 from tablemap.legs.types import Leg
 from tablemap.registration import Registration
@@ -21,6 +22,8 @@ _YAW_SIGMA = np.radians(2.0)
 _ELONGATED = 1.25
 _RARE = 6.0
 _ROUND = ("circle", "ellipse")
+_TELLING = 30  # residuals that tell their own spread
+_LEAST = 0.2  # of an assumed sigma: residuals that are all alike do not make it nought
 
 
 def refine(
@@ -42,9 +45,18 @@ def refine(
     legs: list[Leg] = []
     beam = bias = None
     for group in _alike(accepted):
-        fit = _best(group, information, frame, config)
+        evidence = [c.evidence for c in group if c.evidence is not None]
+        rough = _best(group, evidence, (group[0].kind,), information, frame, config)
+        evidence = _weighted(evidence, rough, scans)
+        fit = _best(group, evidence, tuple(group[0].fits), information, frame, config)
         legs += [
-            _leg(fit, i, candidate, _systematic(candidate, registration, frame, config))
+            _leg(
+                fit,
+                i,
+                candidate,
+                _systematic(candidate, registration, frame, config),
+                config.size_systematic,
+            )
             for i, candidate in enumerate(group)
         ]
         if beam is None:
@@ -91,11 +103,50 @@ def _diameter(candidate: Candidate) -> tuple[float, float]:
     return float(fit.parameters[0, 2]), float(np.sqrt(fit.covariance[0, 2, 2]))
 
 
-def _best(group: list[Candidate], information: Floats, frame: Frame, config: LegsConfig) -> Fit:
-    """Fit every kind to a group of alike legs and take the one with the best criterion."""
-    evidence = [candidate.evidence for candidate in group if candidate.evidence is not None]
+def _weighted(evidence: list[Evidence], fit: Fit, scans: Scans) -> list[Evidence]:
+    """Return the evidence with sigmas as the residuals show them, for stops and drives apart.
+
+    What a beam's spacing, its spot and the drive's interpolation make of a tangent is assumed
+    beforehand; hundreds of residuals tell it better. A depth of which the shape says nothing has no
+    residual: depths keep one common factor.
+    """
+    moving = scans.group_stops < 0
+    factor = np.ones((2, 2))
+    for row, drives in enumerate((False, True)):
+        tangents = np.concatenate(
+            [m[0][moving[e.group] == drives] for e, m in zip(evidence, fit.misfits, strict=True)]
+        )
+        if len(tangents) >= _TELLING:
+            factor[row, 0] = _robust_scale(tangents)
+    depths = np.concatenate([depth for _, depth in fit.misfits])
+    if len(depths) >= _TELLING:
+        factor[:, 1] = _robust_scale(depths)
+    return [
+        replace(
+            e,
+            sigma=e.sigma * factor[moving[e.group].astype(np.int64), 0],
+            hit_sigma=e.hit_sigma * factor[moving[e.hit_group].astype(np.int64), 1],
+        )
+        for e in evidence
+    ]
+
+
+def _robust_scale(misfit: Floats) -> float:
+    # The median of a chi-square with one degree of freedom is 0.455.
+    return max(float(np.sqrt(np.median(misfit**2) / 0.455)), _LEAST)
+
+
+def _best(
+    group: list[Candidate],
+    evidence: list[Evidence],
+    kinds: tuple[str, ...],
+    information: Floats,
+    frame: Frame,
+    config: LegsConfig,
+) -> Fit:
+    """Fit all ``kinds`` to a group of alike legs and take the one with the best criterion."""
     fits = []
-    for kind in group[0].fits:
+    for kind in kinds:
         start = np.stack([c.fits[kind].parameters[0] for c in group])
         if kind == "rectangle":
             start = _ordered(start)
@@ -158,13 +209,15 @@ def _systematic(
     return config.range_scale_sigma * float(np.linalg.norm(candidate.place - middle))
 
 
-def _leg(fit: Fit, row: int, candidate: Candidate, systematic: float) -> Leg:
+def _leg(
+    fit: Fit, row: int, candidate: Candidate, systematic: float, size_systematic: float
+) -> Leg:
     values, covariance = fit.parameters[row], fit.covariance[row]
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    place = float(np.sqrt(0.5 * (sigma[0] ** 2 + sigma[1] ** 2) + 0.0005**2 + systematic**2))
+    place = float(np.sqrt(0.5 * (sigma[0] ** 2 + sigma[1] ** 2) + systematic**2))
 
     def figure(i: int) -> Figure:
-        return Figure(float(values[i]), float(np.hypot(sigma[i], 0.0005)))
+        return Figure(float(values[i]), float(np.hypot(sigma[i], size_systematic)))
 
     if fit.kind == "circle":
         shape, yaw, dimensions = "circle", 0.0, {"diameter": figure(2)}
@@ -187,51 +240,5 @@ def _leg(fit: Fit, row: int, candidate: Candidate, systematic: float) -> Leg:
         dimensions=dimensions,
         points=candidate.points,
         views=candidate.evidence.stops,
+        scale_sigma=systematic,
     )
-
-
-def infer_missing(
-    legs: list[Leg],
-    candidates: list[Candidate],
-    scans: Scans | None,
-    frame: Frame,
-    *,
-    config: LegsConfig,
-) -> list[Leg]:
-    """Put the fourth leg where three stand by symmetry and no scan could have seen it."""
-    if scans is None or len(legs) != 3:
-        return []
-    places = np.array([[leg.x, leg.y] for leg in legs])
-    for members, missing in symmetric_sets(frame, places, 0.03):
-        if len(members) != 3 or len(missing) != 1:
-            continue
-        place = missing[0]
-        pattern = legs[0]
-        size = max(figure.value for figure in pattern.dimensions.values())
-        seen = persistence(scans, place, 0.5 * size)
-        if seen.passed or not frame.polygon.buffer(config.beyond).contains(Point(*place)):
-            return []
-        near = [c for c in candidates if np.linalg.norm(c.place - place) < 0.08]
-        if seen.hit and not near:
-            return []
-        figures = {
-            name: Figure(figure.value, figure.sigma, "inferred")
-            for name, figure in pattern.dimensions.items()
-        }
-        spread = max((leg.position_sigma or 0.0 for leg in legs), default=0.0)
-        # Real tables are symmetric to about a centimetre.
-        sigma = float(np.sqrt(3.0 * spread**2 + config.symmetry_sigma**2))
-        return [
-            Leg(
-                pattern.shape,
-                float(place[0]),
-                float(place[1]),
-                pattern.yaw,
-                "inferred",
-                sigma,
-                figures,
-                np.zeros((0, 2)),
-                0,
-            )
-        ]
-    return []

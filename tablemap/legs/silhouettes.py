@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import shapely
@@ -15,6 +15,8 @@ from tablemap.legs.scans import Scans
 
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+Walls = list[tuple[Floats, float]]
+"""Lines in the map: a unit normal (2,) and how far along it the line lies from the origin."""
 
 _STEP_NOISES = 4.0  # a range step is real from this many sigmas of a beam difference
 _STEP_INCIDENCE = 2.5  # and above what a surface at 68 degrees incidence makes of one beam's angle
@@ -62,11 +64,27 @@ def beam_points(scans: Scans) -> Floats:
 
 def find_segments(
     scans: Scans, points: Floats, outline: Polygon, *, config: LegsConfig
-) -> Segments:
-    """Cut every scan where the range jumps, and keep what ends near the table."""
-    beams = scans.ranges.shape[1]
+) -> tuple[Segments, Walls]:
+    """Cut every scan where the range jumps, and keep what ends near the table.
+
+    Returns the walls beside it, too: the lines that lead on beyond the table.
+    """
     hit = np.isfinite(scans.ranges)
-    reach = np.where(hit, scans.ranges, np.inf)
+    found = _cut(scans, points, hit, outline, config.margin)
+    walls = _walls(found, points, outline, config=config)
+    if walls:
+        # A leg close before a wall may hang together with it: the wall's beams are taken out.
+        found = _cut(
+            scans, points, hit & ~_near_lines(points, walls, config), outline, config.margin
+        )
+    wall = _on_walls(found, points, walls, config=config)
+    return replace(found, wall=wall).only(found.inside > 0.5), walls
+
+
+def _cut(scans: Scans, points: Floats, hit: Bools, outline: Polygon, margin: float) -> Segments:
+    """Make segments of the beams in ``hit`` (V, B), cut where the range jumps."""
+    beams = scans.ranges.shape[1]
+    reach = np.where(np.isfinite(scans.ranges), scans.ranges, np.inf)
     nearer = np.minimum(reach[:, 1:], reach[:, :-1])
     near_both = hit[:, 1:] & hit[:, :-1]
     finite = np.where(hit, scans.ranges, 0.0)
@@ -84,7 +102,7 @@ def find_segments(
     last = np.nonzero(ends)[1]
 
     everything = np.nan_to_num(points, nan=1e9)
-    inside = _within(everything, outline, config.margin)
+    inside = _within(everything, outline, margin)
     counts = (last - first + 1).astype(np.float64)
     share = _sums(inside.astype(np.float64), view, first, last) / counts
     mean_range = _sums(np.where(hit, scans.ranges, 0.0), view, first, last) / counts
@@ -106,7 +124,7 @@ def find_segments(
         & (low ^ high)
         & (np.abs(np.minimum(reach[view, before], reach[view, after]) - range_first) < 0.6)
     )
-    found = Segments(
+    return Segments(
         view,
         first,
         last,
@@ -119,9 +137,6 @@ def find_segments(
         share,
         np.zeros(len(view), dtype=bool),
     )
-    wall = _walls(found, points, outline, config=config)
-    found = Segments(view, first, last, centre, mean_range, width, low, high, between, share, wall)
-    return found.only(share > 0.5)
 
 
 def _within(points: Floats, outline: Polygon, margin: float) -> Bools:
@@ -145,14 +160,14 @@ def _sums(values: Floats, view: Ints, first: Ints, last: Ints) -> Floats:
     return sums
 
 
-def _walls(found: Segments, points: Floats, outline: Polygon, *, config: LegsConfig) -> Bools:
-    """Mark segments on straight lines that lead on beyond the table by ``config.wall_beyond``."""
+def _walls(found: Segments, points: Floats, outline: Polygon, *, config: LegsConfig) -> Walls:
+    """Return the straight lines that lead on beyond the table by ``config.wall_beyond``."""
     grown = outline.buffer(config.margin)
     beyond = outline.buffer(config.wall_beyond)
     start, end = points[found.view, found.first], points[found.view, found.last]
     length = np.linalg.norm(end - start, axis=1)
     long = np.flatnonzero((length > config.wall_length) & (found.last - found.first >= 5))
-    lines: list[tuple[Floats, float]] = []
+    lines: Walls = []
     for i in long[np.argsort(-length[long], kind="stable")]:
         run = points[found.view[i], found.first[i] : found.last[i] + 1]
         if not (shapely.intersects(grown, shapely.LineString(run[[0, -1]]))):
@@ -172,14 +187,27 @@ def _walls(found: Segments, points: Floats, outline: Polygon, *, config: LegsCon
                 ):
                     continue
                 lines.append((axes[1], float(axes[1] @ centre)))
+    return lines
+
+
+def _on_walls(found: Segments, points: Floats, walls: Walls, *, config: LegsConfig) -> Bools:
+    """Mark the segments that lie on one of the lines."""
     wall = np.zeros(len(found), dtype=bool)
-    if not lines:
-        return wall
+    start, end = points[found.view, found.first], points[found.view, found.last]
     middle = points[found.view, (found.first + found.last) // 2]
-    for normal, offset in lines:
+    for normal, offset in walls:
         near = np.stack([np.abs(p @ normal - offset) for p in (start, middle, end)]).max(axis=0)
         wall |= near < config.wall_distance
     return wall
+
+
+def _near_lines(points: Floats, walls: Walls, config: LegsConfig) -> Bools:
+    """Say which (V, B) beam ends lie on one of the lines."""
+    near = np.zeros(points.shape[:2], dtype=bool)
+    for normal, offset in walls:
+        with np.errstate(invalid="ignore"):
+            near |= np.abs(points @ normal - offset) < config.wall_distance
+    return near
 
 
 def _straight_pieces(run: Floats) -> list[Floats]:
@@ -202,130 +230,3 @@ def _straight_pieces(run: Floats) -> list[Floats]:
         else:
             pieces.append(part)
     return pieces
-
-
-@dataclass(frozen=True, eq=False)
-class Evidence:
-    """What a leg's primitive is fitted to: N tangents and M mean depths of segments.
-
-    A tangent has an outward ``normal`` (N, 2), a ``point`` (N, 2) on it beside the leg, the
-    ``range`` (N,) and a white ``sigma`` (N,) metres. The depths, one a segment, are given by their
-    beams: ``hits`` (P, 2) points, ``rays`` (P, 2) directions and ``row`` (P,) into the M segments,
-    whose ``hit_sigma`` (M,) is that of the mean. ``group`` and ``hit_group`` share pose errors and
-    ``lever`` and ``hit_lever`` are the place relative to the base, about which a yaw error turns.
-    """
-
-    normal: Floats
-    point: Floats
-    range: Floats
-    sigma: Floats
-    group: Ints
-    lever: Floats
-    hits: Floats
-    rays: Floats
-    row: Ints
-    hit_sigma: Floats
-    hit_group: Ints
-    hit_lever: Floats
-
-    @property
-    def stops(self) -> int:
-        """How many stops and drives saw it."""
-        return len(np.unique(np.concatenate([self.group, self.hit_group])))
-
-
-def thinned(evidence: Evidence, tangents: int) -> Evidence:
-    """Return about as many tangents, evenly chosen, and the depths of as many segments."""
-    keep = np.arange(0, len(evidence.sigma), max(1, len(evidence.sigma) // tangents))
-    rows = np.arange(0, len(evidence.hit_sigma), max(1, len(evidence.hit_sigma) // tangents))
-    index = np.full(len(evidence.hit_sigma), -1)
-    index[rows] = np.arange(len(rows))
-    hits = index[evidence.row] >= 0
-    return Evidence(
-        normal=evidence.normal[keep],
-        point=evidence.point[keep],
-        range=evidence.range[keep],
-        sigma=evidence.sigma[keep],
-        group=evidence.group[keep],
-        lever=evidence.lever[keep],
-        hits=evidence.hits[hits],
-        rays=evidence.rays[hits],
-        row=index[evidence.row[hits]],
-        hit_sigma=evidence.hit_sigma[rows],
-        hit_group=evidence.hit_group[rows],
-        hit_lever=evidence.hit_lever[rows],
-    )
-
-
-def gather_evidence(
-    scans: Scans, points: Floats, chosen: Segments, members: Segments, *, config: LegsConfig
-) -> Evidence:
-    """Turn one leg's segments into tangents and depths.
-
-    ``members`` are all segments that belong to the same thing, ``chosen`` those to be used: an
-    end whose neighbour is another member is no silhouette.
-    """
-    tangents = []
-    beams = scans.ranges.shape[1]
-    stride = beams + 4  # so that a step beyond the last beam is not the next scan's first
-    own = members.view * stride + np.stack([members.first, members.last])
-    for ends, step, is_end in ((chosen.first, -1, chosen.low), (chosen.last, 1, chosen.high)):
-        next_beam = chosen.view * stride + ends + step
-        # At grazing incidence a stray beam lies between two pieces of one face.
-        alone = ~np.isin(next_beam, own) & ~np.isin(next_beam + step, own)
-        keep = is_end & alone & ~chosen.between
-        view, end = chosen.view[keep], ends[keep]
-        inner = scans.ranges[view, end]
-        outer = scans.ranges[view, np.clip(end + step, 0, beams - 1)]
-        further = scans.ranges[view, np.clip(end + 2 * step, 0, beams - 1)]
-        # A wide spot half on the leg measures something between: that beam holds the edge.
-        mixed = np.isfinite(outer) & (outer - inner < 0.6) & ~(further < outer + 0.05)
-        spacing = scans.spacing[view]
-        angle = scans.angles[view, end] + step * np.where(mixed, 1.0, 0.5) * spacing
-        origin = scans.origins[view, end]
-        direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        normal = step * np.stack([-direction[:, 1], direction[:, 0]], axis=1)
-        white = np.hypot(inner * spacing / np.sqrt(12.0), 0.0005) * np.where(mixed, 1.3, 1.0)
-        moving = ~scans.standing[view]
-        white = np.where(
-            moving,
-            np.sqrt(
-                white**2 + config.moving_position_sigma**2 + (inner * config.moving_yaw_sigma) ** 2
-            ),
-            white,
-        )
-        point = origin + inner[:, None] * direction
-        tangents.append(
-            (normal, point, inner, white, scans.groups[view], point - scans.pivots[view])
-        )
-    normal, point, reach, sigma, group, lever = (
-        np.concatenate(parts) for parts in zip(*tangents, strict=True)
-    )
-    solid = chosen.only(~chosen.between)
-    counts = solid.last - solid.first + 1
-    row = np.repeat(np.arange(len(solid)), counts)
-    beam = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    beam = beam + np.repeat(solid.first, counts)
-    view = np.repeat(solid.view, counts)
-    angle = scans.angles[view, beam]
-    moving = ~scans.standing[solid.view]
-    hit_sigma = np.sqrt(
-        scans.noise[solid.view] ** 2 / np.maximum(counts, 1)
-        + 0.002**2
-        + np.where(moving, config.moving_position_sigma**2, 0.0)
-    )
-    middle = points[solid.view, (solid.first + solid.last) // 2]
-    return Evidence(
-        normal=normal,
-        point=point,
-        range=reach,
-        sigma=sigma,
-        group=group.astype(np.int64),
-        lever=lever,
-        hits=points[view, beam],
-        rays=np.stack([np.cos(angle), np.sin(angle)], axis=1),
-        row=row,
-        hit_sigma=hit_sigma,
-        hit_group=scans.groups[solid.view],
-        hit_lever=middle - scans.pivots[solid.view],
-    )

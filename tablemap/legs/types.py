@@ -15,7 +15,9 @@ class Leg:
 
     ``yaw`` is 0 for a circle, in [0, pi/2) where length and width are one, else in [0, pi).
     ``position_sigma`` is a standard deviation per axis in metres. ``points`` (n, 2) is the
-    evidence in the map; ``views`` counts the stops and drives that saw it.
+    evidence in the map; ``views`` counts the stops and drives that saw it. ``seen_by`` is
+    ``laser``, ``depth``, or ``nothing`` where it is inferred. ``scale_sigma`` (metres) is the part
+    of ``position_sigma`` that rests on what is assumed of the laser's scale.
     """
 
     shape: str
@@ -27,6 +29,8 @@ class Leg:
     dimensions: dict[str, Figure]
     points: Floats
     views: int
+    seen_by: str = "laser"
+    scale_sigma: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

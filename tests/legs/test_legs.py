@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from shapely.geometry import Polygon
 
 from tablemap.config import LegsConfig
 from tablemap.geometry import Floats, Pose2
-from tablemap.legs import Legs, find_legs
+from tablemap.legs import Leg, Legs, find_legs
+from tablemap.legs.depth import Reach
+from tablemap.legs.layout import Frame
+from tablemap.legs.missing import infer_missing
+from tablemap.surface import Figure
 from tests.legs.scene import Scene, drive, four
 
 TABLE = Pose2(0.4, -0.3, 0.6)
@@ -198,3 +205,97 @@ def test_one_stop_is_enough_for_no_crash() -> None:
     scene = Scene(table=TABLE, walls=ROOM, circles=[(*p, 0.025) for p in four(Scene(table=TABLE))])
     legs = _found(scene, stops=1)
     assert len(legs.legs) <= 4
+
+
+def test_panels_seen_along_their_faces_stay_whole() -> None:
+    """From near their own plane one beam in ten is lost: pieces of a face are no silhouettes."""
+    scene = Scene(table=TABLE, length=1.4, width=0.9, walls=ROOM)
+    truth = TABLE.apply(np.array([[0.6, 0.0], [-0.6, 0.0]]))
+    scene.boxes = [(x, y, 0.03, 0.8, TABLE.yaw) for x, y in truth]
+    rng = np.random.default_rng(2)
+    given = drive(scene, rng, stops=12, distance=1.1, scans_between=12, scans_per_stop=2)
+    given[0].all = [
+        replace(scan, ranges=np.where(rng.random(len(scan.ranges)) < 0.1, np.inf, scan.ranges))
+        for scan in given[0].all
+    ]
+    legs = find_legs(*given, config=LegsConfig())
+    assert len(legs.legs) == 2
+    assert _errors(legs, truth).max() < 0.006
+    for leg in legs.legs:
+        assert leg.dimensions["length"].value == pytest.approx(0.8, abs=0.012)
+        assert leg.dimensions["width"].value == pytest.approx(0.03, abs=0.010)
+
+
+def test_a_leg_that_a_box_hides_is_inferred() -> None:
+    """Three corners of four, the last inside a box: it is put by symmetry, and said to be."""
+    scene = Scene(table=TABLE, walls=ROOM)
+    truth = four(scene)
+    scene.circles = [(x, y, 0.03) for x, y in truth[:3]]
+    scene.boxes = [(*truth[3], 0.3, 0.3, TABLE.yaw, 0.0, 0.6)]
+    legs = _found(scene)
+    inferred = [leg for leg in legs.legs if leg.status == "inferred"]
+    assert len(legs.legs) == 4 and len(inferred) == 1
+    assert np.hypot(inferred[0].x - truth[3][0], inferred[0].y - truth[3][1]) < 0.01
+    assert inferred[0].position_sigma is not None and inferred[0].position_sigma >= 0.01
+    assert inferred[0].seen_by == "nothing"
+    assert "legs.inferred" in [warning.code for warning in legs.warnings]
+
+
+def test_a_corner_that_is_open_has_no_leg() -> None:
+    """Three legs and a corner that the laser sees through: nothing is put there."""
+    scene = Scene(table=TABLE, walls=ROOM)
+    scene.circles = [(x, y, 0.03) for x, y in four(scene)[:3]]
+    legs = _found(scene)
+    assert [leg.status for leg in legs.legs] == ["measured"] * 3
+
+
+def _leg(place: Floats, seen_by: str = "depth") -> Leg:
+    size = {"diameter": Figure(0.05, 0.01)}
+    x, y = float(place[0]), float(place[1])
+    return Leg("circle", x, y, 0.0, "measured", 0.008, size, np.zeros((0, 2)), 2, seen_by)
+
+
+@pytest.mark.parametrize(
+    ("seen", "count"),
+    [(Reach(0, 0), 1), (Reach(0, 5), 0), (Reach(2, 5), 0), (Reach(5, 2), 1)],
+    ids=["hidden", "open", "mostly open", "something there"],
+)
+def test_without_a_laser_the_camera_decides_what_may_be_inferred(seen: Reach, count: int) -> None:
+    """Three legs seen by depth: the fourth corner is filled unless a view saw through it."""
+    scene = Scene(table=TABLE)
+    surface = drive(scene, np.random.default_rng(0), stops=1, scans_per_stop=1)[3]
+    frame = Frame(surface, Polygon(surface.outline))
+    truth = four(scene)
+    legs = [_leg(place + 0.01 * np.array([1, -1]) ** k) for k, place in enumerate(truth[:3])]
+    found = infer_missing(legs, [], None, lambda *_: seen, frame, config=LegsConfig())
+    assert len(found) == count
+    for leg in found:
+        assert (
+            leg.status == "inferred" and np.hypot(leg.x - truth[3][0], leg.y - truth[3][1]) < 0.03
+        )
+        # Three places 8 mm off, and tables that are not quite symmetric.
+        assert leg.position_sigma == pytest.approx(np.sqrt(3 * 0.008**2 + 0.01**2))
+
+
+def test_three_legs_without_symmetry_infer_nothing() -> None:
+    """Three that are no corners of the top's own rectangle say nothing of a fourth."""
+    scene = Scene(table=TABLE)
+    surface = drive(scene, np.random.default_rng(0), stops=1, scans_per_stop=1)[3]
+    frame = Frame(surface, Polygon(surface.outline))
+    places = TABLE.apply(np.array([[0.5, 0.3], [-0.2, 0.3], [0.1, -0.3]]))
+    legs = [_leg(place) for place in places]
+    looked = Reach(0, 0)
+    assert infer_missing(legs, [], None, lambda *_: looked, frame, config=LegsConfig()) == []
+
+
+def test_legs_close_before_a_wall_are_told_from_it() -> None:
+    """Rear legs 3 cm before a wall: no board is made of them and what is seen of it between."""
+    scene = Scene(table=Pose2())
+    wall = -0.40
+    scene.walls = [(-2.5, wall, 2.5, wall), (2.5, wall, 2.5, 3), (-2.5, wall, -2.5, 3)]
+    truth = four(scene)
+    scene.boxes = [(x, y, 0.05, 0.05, 0.0) for x, y in truth]
+    scene.boxes.append((0.0, wall - 0.1, 5.0, 0.2, 0.0, 0.0, 2.0))
+    legs = _found(scene, arc=np.pi, stops=6, with_depth=True)
+    assert len(legs.legs) == 4
+    assert _errors(legs, truth).max() < 0.012

@@ -1,0 +1,80 @@
+"""Circle, square and rectangle: where tangents touch them, and where rays meet them.
+
+A tangent with outward unit normal n touches a convex shape of centre c where n.p = n.c + h(n): h is
+the radius of a circle, and (l |n.u| + w |n.v|) / 2 of a rectangle with axes u and v.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tablemap.geometry import Floats
+
+PARAMETERS = {"circle": 3, "square": 4, "rectangle": 5}
+"""x, y, then diameter; or side, yaw; or length, width, yaw."""
+
+_GRAZING = 0.4  # cosine of incidence under which a depth says little
+
+
+def support(kind: str, values: Floats, normal: Floats) -> tuple[Floats, Floats]:
+    """Return h (n,) and d(n.c + h)/d(values) (n, p)."""
+    if kind == "circle":
+        h = np.full(len(normal), 0.5 * values[2])
+        return h, np.column_stack([normal, np.full(len(normal), 0.5)])
+    length, width, yaw = values[2], values[-2], values[-1]
+    c, s = np.cos(yaw), np.sin(yaw)
+    along, across = normal @ [c, s], normal @ [-s, c]
+    h = 0.5 * (length * np.abs(along) + width * np.abs(across))
+    turn = 0.5 * (length * np.sign(along) * across - width * np.sign(across) * along)
+    if kind == "square":
+        return h, np.column_stack([normal, 0.5 * (np.abs(along) + np.abs(across)), turn])
+    return h, np.column_stack([normal, 0.5 * np.abs(along), 0.5 * np.abs(across), turn])
+
+
+def surface_distance(
+    kind: str, values: Floats, points: Floats, rays: Floats
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return distances (n,) to the surface that each ray meets, along its normal (n, 2), with
+    d(distance)/d(values) (n, p) and validity (n,).
+
+    The ray decides which part of the surface is meant: the noisy point would favour the wrong one.
+    """
+    offset = points - values[:2]
+    along_ray = np.einsum("ij,ij->i", offset, rays)
+    if kind == "circle":
+        radius = 0.5 * values[2]
+        closest = offset - along_ray[:, None] * rays
+        square = radius**2 - np.einsum("ij,ij->i", closest, closest)
+        depth = np.sqrt(np.maximum(square, 0.0))
+        normals = (closest - depth[:, None] * rays) / radius
+        cosine = -depth / radius
+        ok = cosine < -_GRAZING
+        slope = np.column_stack([-normals, np.full(len(points), -0.5)])
+        return (along_ray + depth) * cosine, normals, slope, ok.astype(np.float64)
+    length, width, yaw = values[2], values[-2], values[-1]
+    u = np.array([np.cos(yaw), np.sin(yaw)])
+    v = np.array([-u[1], u[0]])
+    along, across = offset @ u, offset @ v
+    ray_u, ray_v = rays @ u, rays @ v
+    ray_u = np.where(np.abs(ray_u) < 1e-9, 1e-9, ray_u)
+    ray_v = np.where(np.abs(ray_v) < 1e-9, 1e-9, ray_v)
+    enter_u = (-np.sign(ray_u) * 0.5 * length - along) / ray_u
+    enter_v = (-np.sign(ray_v) * 0.5 * width - across) / ray_v
+    leave_u = (np.sign(ray_u) * 0.5 * length - along) / ray_u
+    leave_v = (np.sign(ray_v) * 0.5 * width - across) / ray_v
+    end = enter_u > enter_v
+    enter = np.maximum(enter_u, enter_v)
+    side = np.where(end, -np.sign(ray_u), -np.sign(ray_v))
+    normals = np.where(end[:, None], u, v) * side[:, None]
+    cosine = np.einsum("ij,ij->i", normals, rays)
+    ok = (enter < np.minimum(leave_u, leave_v)) & (cosine < -_GRAZING)
+    met_along, met_across = along + enter * ray_u, across + enter * ray_v
+    turn = np.where(end, met_across, -met_along) * side
+    half = np.full(len(points), -0.5)
+    if kind == "square":
+        slope = np.column_stack([-normals, half, turn])
+    else:
+        slope = np.column_stack(
+            [-normals, np.where(end, half, 0.0), np.where(end, 0.0, half), turn]
+        )
+    return -enter * cosine, normals, slope, ok.astype(np.float64)
