@@ -9,14 +9,17 @@ from tablemap.review.stream import Stream
 
 
 def log_cross_check(stream: Stream, result: CrossCheck) -> None:
-    """Write what the edges say of the camera's mounting."""
+    """Write what edges and legs say of the camera's mounting."""
     stream.text("surface/crosscheck", summary(result))
 
 
 def summary(result: CrossCheck) -> str:
     """Return the offset with its sigmas, or that the views cannot tell."""
     title = "## Camera against laser"
-    compared = f"{result.points} edge points of {result.views} views were compared."
+    compared = (
+        f"{result.points} edge points of {result.views} views and {result.sightings} sightings of "
+        "legs were compared."
+    )
     if result.offset is None or result.covariance is None or result.at_table is None:
         return f"{title}\n{compared} They cannot tell whether the two disagree."
     x, y, yaw = result.offset
@@ -29,6 +32,18 @@ def summary(result: CrossCheck) -> str:
             f"{np.degrees(yaw):.2f} degrees (sigma {np.degrees(sigma[2]):.2f}) turned from where "
             f"TF has it: at the table {1e3 * result.at_table[0]:.1f} mm forward and "
             f"{1e3 * result.at_table[1]:.1f} mm left.",
+            *[
+                f"By the {name} alone: {1e3 * by.at_table[0]:.1f} mm (sigma "
+                f"{1e3 * by.sigma[0]:.1f}) forward and {1e3 * by.at_table[1]:.1f} mm (sigma "
+                f"{1e3 * by.sigma[1]:.1f}) left at the table."
+                for name, by in (("edges", result.by_edges), ("legs", result.by_legs))
+                if by is not None
+            ],
+            *(
+                ["The camera was moved by this, and the top fitted again."]
+                if result.is_found
+                else []
+            ),
             *[warning.message for warning in result.warnings],
         ]
     )
