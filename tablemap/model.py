@@ -9,12 +9,16 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict
 from pydantic.functional_serializers import PlainSerializer
 
-from tablemap.errors import TablemapError
+from tablemap.documents import parse_document, read_document
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
 
 SCHEMA = "tablemap/table/1"
 
@@ -108,6 +112,21 @@ class TableSurface(Part):
     score: Number
     alternatives: tuple[Alternative, ...]
 
+    def contains(
+        self, x: ArrayLike, y: ArrayLike, *, frame: Literal["map", "table"] = "map"
+    ) -> NDArray[np.float64]:
+        """Return the probability that points lie on the top, seen from above.
+
+        ``x`` and ``y`` are metres, numbers or arrays of one shape; so is what is returned. In
+        ``map`` (the model's own frame, whatever its name) the pose's covariance and the sides'
+        sigmas count; in ``table`` (origin at the pose, x along the length) the sides' alone: how
+        sure a robot can be that has just seen the table. NaN where it is not known: where a side
+        decides that was not seen, or that no sigma stands behind.
+        """
+        from tablemap.footprint import probability_on_top
+
+        return probability_on_top(self, x, y, frame=frame)
+
 
 class TableLeg(Part):
     """One leg: ``circle`` (diameter) or ``rectangle`` (length, width)."""
@@ -194,35 +213,13 @@ class TableModel(Part):
 
         Raises `TablemapError` where the text is no table model, or one of a later schema.
         """
-        try:
-            document = json.loads(text)
-        except json.JSONDecodeError as error:
-            raise TablemapError(
-                f"expected a table model in JSON, found other text ({error})."
-            ) from error
-        schema = document.get("schema") if isinstance(document, dict) else None
-        if schema != SCHEMA:
-            raise TablemapError(
-                f"expected schema {SCHEMA!r}, found {schema!r}; use the version that wrote it."
-            )
-        try:
-            return TableModel.model_validate(document)
-        except ValidationError as error:
-            first = error.errors()[0]
-            where = ".".join(str(part) for part in first["loc"])
-            raise TablemapError(
-                f"the table model is damaged at {where}: {first['msg']}."
-            ) from error
+        return parse_document(text, TableModel, schema=SCHEMA, noun="table model")
 
     @staticmethod
     def load(path: Path) -> TableModel:
         """Read ``table.json``, or the one in a run folder."""
         file = path / "table.json" if path.is_dir() else path
-        try:
-            text = file.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise TablemapError(f"no table model can be read ({error}): {file}") from error
-        return TableModel.from_json(text)
+        return read_document(file, TableModel, schema=SCHEMA, noun="table model")
 
 
 def json_schema() -> dict[str, object]:

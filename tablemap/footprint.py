@@ -1,0 +1,246 @@
+"""Whether a point is on the table, and how sure that is.
+
+What is uncertain moves the point against the outline by a Gaussian: the table's pose for a point in
+the map, and the sides' own sigmas. The probability is then the Gaussian's share inside the outline,
+which is exact for any polygon: a sum over its segments of Owen's T function (D. B. Owen, Tables for
+computing bivariate normal probabilities, Ann. Math. Statist. 27, 1956).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import owens_t
+
+from tablemap.geometry import Floats, Pose2
+from tablemap.model import Edge, TableSurface
+
+UNKNOWN_ABOVE = 0.01
+"""Where an unseen side decides about more of the probability than this, there is none."""
+FAR = 10.0
+"""How far a table may reach beyond a side that nothing bounds, metres."""
+UNIFORM = 3.0**0.5
+"""Half the width of an interval in standard deviations of a uniform distribution over it."""
+LEAST_SIGMA = 1e-6
+PARALLEL = 0.5
+MOST_AT_ONCE = 1_000_000
+
+Frame = Literal["map", "table"]
+
+
+@dataclass(frozen=True, eq=False)
+class _Outline:
+    """The outline as known, in the table's frame.
+
+    ``ring`` (M, 2) is counter-clockwise, ``sigma`` (M,) that of each segment's side and ``side``
+    (M,) its index. ``inner`` and ``outer`` bound the top where a side was not seen; both are the
+    ring where all were. ``open_normals`` (K, 2) point out of the sides that nothing bounds.
+    """
+
+    ring: Floats
+    sigma: Floats
+    side: NDArray[np.int64]
+    inner: shapely.Geometry
+    outer: shapely.Geometry
+    open_normals: Floats
+
+
+def probability_on_top(
+    surface: TableSurface, x: ArrayLike, y: ArrayLike, *, frame: Frame = "map"
+) -> Floats:
+    """Return the probability that points are on the top, seen from above; NaN where unknown.
+
+    See `TableSurface.contains`.
+    """
+    xs, ys = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
+    pose = Pose2(surface.pose.x, surface.pose.y, surface.pose.yaw)
+    points = np.stack([xs.ravel(), ys.ravel()], axis=-1)
+    if frame == "map":
+        points = pose.inverse().apply(points)
+    outline = _outline(surface, pose)
+    known = np.isfinite(points).all(axis=1)
+    result = np.full(len(points), np.nan)
+    step = max(MOST_AT_ONCE // max(shapely.get_num_coordinates(outline.outer), 1), 1)
+    for first in range(0, len(points), step):
+        some = np.flatnonzero(known[first : first + step]) + first
+        covariance = _side_covariance(outline, points[some])
+        if frame == "map":
+            covariance = covariance + _pose_covariance(surface, pose, outline, points[some])
+        result[some] = _between(outline, points[some], covariance)
+    return result.reshape(xs.shape)
+
+
+def _between(outline: _Outline, points: Floats, covariance: Floats) -> Floats:
+    """Return the share inside the outline; NaN where its bounds tell different things."""
+    if not np.isfinite(covariance).all():
+        return np.full(len(points), np.nan)
+    least = _share(outline.inner, points, covariance)
+    if outline.outer is outline.inner:
+        return least
+    most = _share(outline.outer, points, covariance)
+    return np.where(most - least > UNKNOWN_ABOVE, np.nan, (least + most) / 2)
+
+
+def _outline(surface: TableSurface, pose: Pose2) -> _Outline:
+    to_table = pose.inverse()
+    ring = to_table.apply(np.array(surface.outline, dtype=np.float64).reshape(-1, 2))
+    polygon = shapely.orient_polygons(shapely.Polygon(ring)) if len(ring) > 2 else shapely.Polygon()
+    ring = np.array(polygon.exterior.coords, dtype=np.float64)[:-1].reshape(-1, 2)
+    sides = [to_table.apply(np.array(edge.points).reshape(-1, 2)) for edge in surface.edges]
+    if len(ring) == 0 or not sides:
+        nothing = np.zeros((0, 2))
+        empty = shapely.Polygon()
+        return _Outline(nothing, np.zeros(0), np.zeros(0, np.int64), empty, empty, nothing)
+    middles = shapely.points((ring + np.roll(ring, -1, axis=0)) / 2)
+    lines = np.array([shapely.LineString(side) for side in sides])
+    side = np.argmin(shapely.distance(middles[:, None], lines[None]), axis=1)
+    extent = float(np.ptp(ring, axis=0).max())
+    stated = [edge.sigma for edge in surface.edges if edge.sigma and edge.status != "unseen"]
+    usual = float(np.median(stated)) if stated else LEAST_SIGMA
+    sigma = np.array([_sigma(edge, usual) for edge in surface.edges])[side]
+    whole = _Outline(ring, sigma, side, polygon, polygon, np.zeros((0, 2)))
+    return _bounded(whole, surface.edges, polygon, extent)
+
+
+def _sigma(edge: Edge, usual: float) -> float:
+    known = edge.sigma is not None and edge.status != "unseen"
+    return max(edge.sigma if known and edge.sigma else usual, LEAST_SIGMA)
+
+
+def _bounded(
+    whole: _Outline, edges: tuple[Edge, ...], polygon: shapely.Polygon, extent: float
+) -> _Outline:
+    """Add what the top is at least and at most, where sides were not seen or have no sigma."""
+    if any(edge.sigma is None and edge.status != "unseen" for edge in edges):
+        # A hull in place of a shape: it may cover what is none, and end before the top does.
+        everywhere = shapely.Point(0.0, 0.0).buffer(FAR + extent)
+        return replace(whole, inner=shapely.Polygon(), outer=everywhere)
+    inner = outer = polygon
+    normals = []
+    for run in _unseen_runs(whole, edges):
+        sigmas = [edges[k].sigma for k in whole.side[run]]
+        reach = max((np.inf if s is None else s * UNIFORM for s in sigmas), default=0.0)
+        is_open = reach > extent / 2
+        if is_open:
+            normals.append(_normals(whole.ring)[run].mean(axis=0))
+        else:
+            inner = inner.difference(_swept(whole.ring, run, -reach))
+        outer = outer.union(_swept(whole.ring, run, FAR if is_open else reach))
+    return replace(whole, inner=inner, outer=outer, open_normals=np.array(normals).reshape(-1, 2))
+
+
+def _unseen_runs(whole: _Outline, edges: tuple[Edge, ...]) -> list[NDArray[np.int64]]:
+    """Return the segments of unseen sides, neighbours together."""
+    unseen = np.array([edges[k].status == "unseen" for k in whole.side])
+    if unseen.all():
+        return [np.arange(len(unseen))]
+    start = int(np.argmin(unseen))
+    order = np.roll(np.arange(len(unseen)), -start)
+    breaks = np.flatnonzero(np.diff(unseen[order].astype(int))) + 1
+    return [run for run in np.split(order, breaks) if unseen[run[0]]]
+
+
+def _normals(ring: Floats) -> Floats:
+    """Return the outward normals (M, 2) of a counter-clockwise ring's segments."""
+    along = np.roll(ring, -1, axis=0) - ring
+    outward = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    return np.asarray(outward / np.maximum(np.linalg.norm(outward, axis=1), 1e-12)[:, None])
+
+
+def _swept(ring: Floats, run: NDArray[np.int64], distance: float) -> shapely.Geometry:
+    """Return what neighbouring segments pass over when they move outward, or inward if negative.
+
+    Their ends move along the sides that they meet, as far as these lead outward.
+    """
+    count, normals = len(ring), _normals(ring)
+    chain = ring[np.append(run, (run[-1] + 1) % count)]
+    corners = [chain, *(ring[[k, (k + 1) % count]] + distance * normals[k] for k in run)]
+    for end, before, k in (
+        (chain[0], ring[(run[0] - 1) % count], run[0]),
+        (chain[-1], ring[(run[-1] + 2) % count], run[-1]),
+    ):
+        along = (end - before) / max(float(np.linalg.norm(end - before)), 1e-12)
+        rate = float(along @ normals[k])
+        if rate > PARALLEL:
+            corners.append((end + distance / rate * along)[None])
+    return shapely.MultiPoint(np.concatenate(corners)).convex_hull
+
+
+def _side_covariance(outline: _Outline, points: Floats) -> Floats:
+    """Return (N, 2, 2): the nearest side's variance across it, the next nearest's along it."""
+    ring, count = outline.ring, len(points)
+    if len(ring) == 0 or count == 0:
+        return np.tile(np.eye(2) * LEAST_SIGMA**2, (count, 1, 1))
+    start, along = ring, np.roll(ring, -1, axis=0) - ring
+    squared = np.maximum((along**2).sum(axis=1), 1e-24)
+    offset = points[:, None] - start[None]
+    share = np.clip((offset * along).sum(axis=-1) / squared, 0.0, 1.0)
+    apart = np.linalg.norm(offset - share[..., None] * along, axis=-1)
+    nearest = np.argmin(apart, axis=1)
+    others = np.where(outline.side[None] == outline.side[nearest][:, None], np.inf, apart)
+    second = np.where(np.isfinite(others).any(axis=1), np.argmin(others, axis=1), nearest)
+    normal = _normals(ring)[nearest]
+    tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
+    across = outline.sigma[nearest, None, None] ** 2 * normal[:, :, None] * normal[:, None]
+    beside = outline.sigma[second, None, None] ** 2 * tangent[:, :, None] * tangent[:, None]
+    return np.asarray(across + beside)
+
+
+def _pose_covariance(
+    surface: TableSurface, pose: Pose2, outline: _Outline, points: Floats
+) -> Floats:
+    """Return (N, 2, 2): how the pose's covariance moves points in the table's frame.
+
+    Beside a side that nothing bounds the pose, a centroid, is as unknown as the side: the place
+    along its normal is then taken to be as well known as across it. Where two such sides lie in
+    different directions the place is not known at all (NaN).
+    """
+    covariance = np.array(surface.pose.covariance, dtype=np.float64)
+    table_from_map = np.eye(3)
+    table_from_map[:2, :2] = pose.inverse().rotation
+    covariance = table_from_map @ covariance @ table_from_map.T
+    if len(outline.open_normals):
+        first = outline.open_normals[0]
+        crossed = first[0] * outline.open_normals[:, 1] - first[1] * outline.open_normals[:, 0]
+        if np.abs(crossed).max() > PARALLEL:
+            return np.full((len(points), 2, 2), np.nan)
+        beside = np.array([-first[1], first[0]]) / max(float(np.linalg.norm(first)), 1e-12)
+        variance = float(beside @ covariance[:2, :2] @ beside)
+        covariance = np.diag([variance, variance, covariance[2, 2]])
+    jacobian = np.zeros((len(points), 2, 3))
+    jacobian[:, :, :2] = -np.eye(2)
+    jacobian[:, 0, 2], jacobian[:, 1, 2] = points[:, 1], -points[:, 0]
+    return np.asarray(jacobian @ covariance @ jacobian.transpose(0, 2, 1))
+
+
+def _share(region: shapely.Geometry, points: Floats, covariance: Floats) -> Floats:
+    """Return how much of a Gaussian about each point (N, 2), covariance (N, 2, 2), is in a region.
+
+    Each oriented segment of the region's rings adds the triangle that it spans with the point: in
+    the whitened plane, where its line passes the point at distance h, an end at t along it stands
+    for atan(t / h) / 2 pi - T(h, t / h).
+    """
+    least = LEAST_SIGMA**2
+    first = np.sqrt(np.maximum(covariance[:, 0, 0], least))[:, None]
+    mixed = covariance[:, 0, 1][:, None] / first
+    second = np.sqrt(np.maximum(covariance[:, 1, 1][:, None] - mixed**2, least))
+    total = np.zeros(len(points))
+    oriented = shapely.orient_polygons(region)
+    for ring in shapely.get_rings(oriented):
+        apart = shapely.get_coordinates(ring)[None] - points[:, None]
+        u = apart[..., 0] / first
+        v = (apart[..., 1] - mixed * u) / second
+        du, dv = np.diff(u, axis=1), np.diff(v, axis=1)
+        length = np.maximum(np.hypot(du, dv), 1e-300)
+        signed = (u[:, :-1] * dv - v[:, :-1] * du) / length
+        h = np.maximum(np.abs(signed), 1e-12)
+        ends = []
+        for at in (slice(None, -1), slice(1, None)):
+            ratio = (u[:, at] * du + v[:, at] * dv) / length / h
+            ends.append(np.arctan(ratio) / (2 * np.pi) - owens_t(h, ratio))
+        total += (np.copysign(1.0, signed) * (ends[1] - ends[0])).sum(axis=1)
+    return np.asarray(np.clip(total, 0.0, 1.0))
