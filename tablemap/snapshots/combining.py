@@ -8,23 +8,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def combine(images: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
+def combine(
+    images: Sequence[NDArray[np.float32]],
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Combine (height, width) depth images in metres, NaN missing, into one.
 
-    A pixel is kept where most of the images have it and the middle half of their values agree;
-    mixed pixels and flicker at depth edges do not. Where just half of them have it, every other
-    pixel is kept: all of them, or none, would shift each depth edge by a third of a pixel. Its
-    value is the mean of what lies close
-    to the median, which resolves finer than the sensor's steps.
+    A pixel is kept where at least half of the images have it and the middle half of their values
+    agree; mixed pixels and flicker at depth edges do not. Its value is the mean of what lies close
+    to the median, which resolves finer than the sensor's steps. Returned too is a mask of the
+    pixels that just half of the images have: taken for seen they would shift each depth edge
+    outwards by a third of a pixel, taken for missing as much inwards.
     """
     if len(images) == 1:
-        return images[0].astype(np.float32)
+        return images[0].astype(np.float32), np.zeros(images[0].shape, dtype=bool)
     stack = np.stack(images).astype(np.float32)
     stack[~np.isfinite(stack)] = np.inf
     ordered = np.sort(stack, axis=0)
     valid = np.isfinite(ordered).sum(axis=0)
-    row, column = np.indices(valid.shape)
-    enough = (2 * valid > len(images)) | ((2 * valid == len(images)) & ((row + column) % 2 == 0))
+    enough = 2 * valid >= len(images)
 
     def quantile(numerator: int) -> NDArray[np.float32]:
         # Ranks round outward on either side, so that no side's outlier decides by itself.
@@ -45,4 +46,4 @@ def combine(images: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
     combined = np.full(median.shape, np.nan, dtype=np.float32)
     kept = steady & (number > 0)
     combined[kept] = total[kept] / number[kept]
-    return combined
+    return combined, kept & (2 * valid == len(images))
