@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from functools import cache, partial
 from typing import Literal
 
 from threadpoolctl import threadpool_limits
@@ -13,13 +14,13 @@ from threadpoolctl import threadpool_limits
 from tablemap.assembly import assemble
 from tablemap.calibration import calibrate
 from tablemap.config import Config
-from tablemap.crosscheck import cross_check
+from tablemap.crosscheck import admitted_legs, corrected, cross_check
 from tablemap.errors import EstimationError
 from tablemap.legs import find_legs
 from tablemap.model import TableModel
 from tablemap.odometry import Trajectory, estimate_odometry
-from tablemap.outline import find_edges
-from tablemap.record import OtherTable, Record, StageFinished, StageStarted, ignore
+from tablemap.outline import Outline, find_edges
+from tablemap.record import OtherTable, Record, StageFinished, StageStarted, ignore, of_table
 from tablemap.recording import Recording
 from tablemap.registration import register
 from tablemap.segmentation import Segmentation, segment
@@ -46,7 +47,7 @@ class Processed:
     """A recording's outcome: the chosen table, the others where all were asked for, the drive."""
 
     model: TableModel
-    others: tuple[TableModel, ...]
+    others: tuple[OtherTable, ...]
     trajectory: Trajectory
 
 
@@ -77,44 +78,55 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
 
     with stage("segmentation"):
         near = tables if isinstance(tables, tuple) else None
-        segmentation = segment(snapshots, config=config.segmentation, near=near)
+        segmentation = segment(snapshots, config=config.segmentation, near=near, record=record)
         record(segmentation)
 
     with stage("odometry"):
         odometry = estimate_odometry(recording, snapshots, config=config.odometry, record=record)
         record(odometry)
 
+    @cache
+    def edges(segmentation: Segmentation) -> Outline:
+        # Within each view, so before its stage too: without a laser they are what is registered.
+        return find_edges(
+            snapshots, segmentation, None, config=config.outline, calibration=calibration
+        )
+
     with stage("registration"):
         registration = register(
             recording,
             snapshots,
-            segmentation,
             odometry,
+            edges=partial(edges, segmentation),
             config=config.registration,
-            seed=config.seed,
             record=record,
         )
         record(registration)
 
     def model(segmentation: Segmentation, record: Record) -> TableModel:
         with stage("outline"):
-            outline = find_edges(
-                snapshots,
-                segmentation,
-                registration,
-                config=config.outline,
-                calibration=calibration,
-            )
+            outline = edges(segmentation)
             record(outline)
 
         with stage("surface"):
             surface = fit_surface(outline, registration, config=config.surface, seed=config.seed)
             record(surface)
-            cross = cross_check(outline, surface, registration, config=config.crosscheck)
-            record(cross)
 
         with stage("legs"):
             legs = find_legs(recording, snapshots, registration, surface, config=config.legs)
+            cross = cross_check(
+                outline, surface, registration, legs.legs, snapshots, config=config.crosscheck
+            )
+            record(cross)
+            if cross.is_found:
+                # What the camera saw is moved to where the laser asks it to be, and fitted again.
+                outline = corrected(outline, cross)
+                surface = fit_surface(
+                    outline, registration, config=config.surface, seed=config.seed
+                )
+                record(surface)
+                legs = find_legs(recording, snapshots, registration, surface, config=config.legs)
+            legs = admitted_legs(legs, cross, surface, registration)
             record(legs)
 
         return assemble(
@@ -132,17 +144,18 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
 
     chosen = model(segmentation, record)
     record(chosen)
-    others = []
+    others: list[OtherTable] = []
     if tables == "all":
-        for candidate in segmentation.candidates:
-            if candidate.chosen or candidate.reason is not None:
-                continue
+        beside = [candidate for candidate in segmentation.candidates if not candidate.chosen]
+        for number, candidate in enumerate(beside, start=1):
             try:
+                if candidate.reason is not None:
+                    raise EstimationError(f"it is hardly a table: {candidate.reason}")
                 other = segment(snapshots, config=config.segmentation, candidate=candidate)
-                others.append(model(other, ignore))
-                record(OtherTable(len(others), others[-1]))
+                others.append(OtherTable(number, model(other, of_table(number, record))))
             except EstimationError as error:
-                record(OtherTable(len(others) + 1, str(error)))
+                others.append(OtherTable(number, str(error)))
+            record(others[-1])
     return Processed(chosen, tuple(others), registration.trajectory)
 
 

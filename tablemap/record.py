@@ -38,10 +38,27 @@ class RunFailed:
 
 @dataclass(frozen=True, eq=False)
 class OtherTable:
-    """Event: a table beside the chosen one: its model, or why there is none."""
+    """Event: a table beside the chosen one, by its number: its model, or why there is none."""
 
     number: int
     outcome: TableModel | str
+
+
+@dataclass(frozen=True, eq=False)
+class OfTable:
+    """Event: a result that is about table ``number`` beside the chosen one."""
+
+    number: int
+    result: object
+
+
+def of_table(number: int, record: Record) -> Record:
+    """Return what hands results on to ``record`` as those of a table beside the chosen one."""
+
+    def record_of_table(result: object) -> None:
+        record(OfTable(number, result))
+
+    return record_of_table
 
 
 def ignore(_: object) -> None:

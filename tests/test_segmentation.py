@@ -14,7 +14,7 @@ from tablemap.config import CalibrationConfig, SegmentationConfig, SnapshotsConf
 from tablemap.errors import EstimationError
 from tablemap.geometry import Pose2
 from tablemap.recording import open_recording
-from tablemap.segmentation import Label, find_tables, segment
+from tablemap.segmentation import Label, TablesFound, find_tables, segment
 from tablemap.snapshots import Snapshot, take_snapshots
 from tests.rendering import Box, mounting, round_trip, table
 
@@ -139,9 +139,14 @@ def test_tied_tables_are_named() -> None:
 
 
 def test_a_place_without_a_table_names_the_candidates() -> None:
-    """--near far from everything is an error that lists where tables are."""
+    """--near far from everything is an error that lists where tables are; they are recorded."""
+    events: list[object] = []
+    views = round_trip(TABLE, CENTRE)
     with pytest.raises(EstimationError, match=r"candidates at \(1\.0"):
-        segment(round_trip(TABLE, CENTRE), config=CONFIG, near=(9.0, 9.0))
+        segment(views, config=CONFIG, near=(9.0, 9.0), record=events.append)
+    (found,) = events
+    assert isinstance(found, TablesFound)
+    assert found.candidates[0].height == pytest.approx(0.74, abs=0.05)
 
 
 def test_no_table_at_all_is_an_error() -> None:

@@ -9,10 +9,17 @@ import numpy as np
 from tablemap.calibration import Calibration
 from tablemap.config import SegmentationConfig
 from tablemap.errors import EstimationError, ProcessWarning
+from tablemap.record import Record, ignore
 from tablemap.segmentation.candidates import STRIDE_PX, find_tables, rank_tables
 from tablemap.segmentation.height import Height, Plane, joint_height
 from tablemap.segmentation.labelling import label_view
-from tablemap.segmentation.types import Label, Segmentation, TableCandidate, ViewSegmentation
+from tablemap.segmentation.types import (
+    Label,
+    Segmentation,
+    TableCandidate,
+    TablesFound,
+    ViewSegmentation,
+)
 from tablemap.segmentation.views import look
 from tablemap.snapshots import Snapshot
 
@@ -20,6 +27,7 @@ __all__ = [
     "Label",
     "Segmentation",
     "TableCandidate",
+    "TablesFound",
     "ViewSegmentation",
     "find_tables",
     "segment",
@@ -33,16 +41,19 @@ def segment(
     near: tuple[float, float] | None = None,
     candidate: TableCandidate | None = None,
     calibration: Calibration | None = None,
+    record: Record = ignore,
 ) -> Segmentation:
     """Choose the table (nearest to ``near`` in the map, or the best seen) and label every view.
 
-    A ``candidate`` of `find_tables` is taken as it is. With the calibration of these snapshots the
+    What could be meant goes to ``record`` before one is chosen; a ``candidate`` of `find_tables` is
+    taken as it is. With the calibration of these snapshots the
     height's sigma includes what the camera leaves open. Raises `EstimationError` where there is no
     table, none near the place, or no view that sees it.
     """
     coarse = [look(s, stride=STRIDE_PX) for s in snapshots]
     if candidate is None:
         candidates = rank_tables(coarse, config)
+        record(TablesFound(candidates))
         chosen, warnings = _choose(candidates, near, config)
     else:
         candidates, chosen, warnings = (candidate,), candidate, []

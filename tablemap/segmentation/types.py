@@ -62,6 +62,13 @@ class TableCandidate:
 
 
 @dataclass(frozen=True, eq=False)
+class TablesFound:
+    """Event: the surfaces that could be the table, before one is chosen; the best comes first."""
+
+    candidates: tuple[TableCandidate, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Segmentation:
     """The chosen table: ``height`` above the floor (metres, all views together), and each view."""
 
