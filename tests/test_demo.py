@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
 import subprocess
-import sys
 import tomllib
 from collections import Counter
 from pathlib import Path
@@ -19,32 +17,7 @@ from tablemap.archive import load_run
 from tablemap.evaluation.metrics import Score, score
 from tablemap.evaluation.truth import Truth
 from tablemap.model import TableModel
-
-TABLEMAP = [sys.executable, "-c", "from tablemap.cli import main; main()"]
-
-
-def tablemap(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """Run the command as a shell would."""
-    return subprocess.run(
-        [*TABLEMAP, *(str(argument) for argument in arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=cwd,
-        env={**os.environ, "COLUMNS": "100", "NO_COLOR": "1"},
-        timeout=300,
-    )
-
-
-@pytest.fixture(scope="module")
-def finished(
-    demo_recording: Path, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Path, subprocess.CompletedProcess[str]]:
-    """The demo processed once: its run folder and what the command said."""
-    output = tmp_path_factory.mktemp("runs")
-    done = tablemap("process", demo_recording, "--output", output, "--json")
-    assert done.returncode == 0, done.stderr
-    return Path(json.loads(done.stdout)["run"]), done
+from tests.command import tablemap
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +72,10 @@ def test_the_run_folder_keeps_the_contract(
         "manifest.json",
         "config.toml",
         "trajectory.tum",
+        "exports",
     }
+    exported = {path.name for path in (run / "exports").glob("*/*")}
+    assert exported >= {"table.svg", "table.pgm", "table.yaml"}
     manifest = json.loads((run / "manifest.json").read_text())
     assert manifest["status"] == "ok"
     assert len(manifest["recording"]["sha256"]) == 64
@@ -135,6 +111,16 @@ def test_the_review_is_read_back(finished: tuple[Path, object]) -> None:
     for name, figure in model.surface.dimensions.items():
         assert f"{name} {figure.value:.3f} m" in "".join(texts["/model/dimensions"])
     assert model.verdict.level in "".join(texts["/summary"])
+    drive = (finished[0] / "trajectory.tum").read_text().splitlines()
+    assert rows["/odometry/threshold_mm"] == rows["/odometry/correction_mm"] == len(drive)
+    assert rows["/odometry/local_map"] > 10
+    motions = [path for path in rows if path.endswith("/motion")]
+    assert len(motions) >= used - 1
+    for path in motions:
+        # Where it began, each iteration, and where it ended on the other timelines.
+        pair = path.split("/")[-2]
+        assert rows[path] == rows[f"/registration/iterations/fitness/{pair}"] + 2 > 3
+        assert rows[f"/registration/pairs/{pair}/source"] == 1
 
 
 def test_the_report_has_the_model_s_figures(finished: tuple[Path, object]) -> None:

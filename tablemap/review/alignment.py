@@ -6,47 +6,36 @@ from collections.abc import Sequence
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from tablemap.geometry import Pose2, transform
-from tablemap.registration import Pair, PairIteration, Registration, StopScan
+from tablemap.registration import Pair, Registration, StopScan
 from tablemap.review import colours, text
 from tablemap.review.clouds import raised
 from tablemap.review.motion import log_trajectory
+from tablemap.review.pairs import Pairs
 from tablemap.review.stream import FEW_STOPS, Stream
 
 GRAPH_PIXELS_PER_METRE = 160.0
 RESIDUAL_LIMIT = 0.02
-PAIR_HEIGHT = 0.03
 MANY_SHARE = 0.4
+BASE_ARROW = 0.25
+FLOOR = 0.02
 
 
 class Alignment:
-    """Draws the registration; it collects a pair's iterations until the pair is complete."""
+    """Draws the registration; it keeps the pairs' iterations until the pairs are judged."""
 
     def __init__(self) -> None:
-        self._iterations: list[PairIteration] = []
-        self._plotted: set[tuple[int, int]] = set()
+        self.pairs = Pairs()
 
-    def log_iteration(self, stream: Stream, iteration: PairIteration) -> None:
-        """Take one ICP iteration; a pair is plotted when the next one begins."""
-        if self._iterations and (iteration.source, iteration.target) != _ends(self._iterations[0]):
-            self._plot(stream)
-        self._iterations.append(iteration)
-
-    def log_pair(self, stream: Stream, pair: Pair) -> None:
-        """Log a pair that was dropped, with its reason; `Registration` draws them all."""
-        self._plot(stream)
-        if not pair.used and stream.scene.stamps_ns:
-            stream.hold()
-            message = f"{pair.kind} pair {pair.source} to {pair.target} dropped: {pair.reason}"
-            stream.log_flat("log", rr.TextLog(message, level="INFO"))
-
-    def log_localised_stops(self, stream: Stream) -> None:
+    def log_as_far_as_it_came(self, stream: Stream) -> None:
         """Draw the stops where the localisation has them: of a run that came no further."""
         stops = stream.scene.localised
         if "registration" not in stream.scene.reached and stops:
             stream.hold()
             _log_stops(stream, "registration/localised_stops", stops, (True,) * len(stops))
+            self.pairs.log(stream, (), stops)
 
     def log_stop_scan(self, stream: Stream, scan: StopScan) -> None:
         """Log a stop's combined scan where the localisation has it."""
@@ -57,15 +46,12 @@ class Alignment:
 
     def log_registration(self, stream: Stream, registration: Registration) -> None:
         """Log the pose graph, and the clouds and scans as localised and as registered."""
-        self._plot(stream)
         scene = stream.scene
         poses = registration.map_from_base
         stream.hold()
         stream.text("registration/summary", text.registration(registration))
         log_trajectory(stream, "trajectory/registered", registration.trajectory, colours.REGISTERED)
         for scan in registration.stop_scans:
-            if scan.index < len(scene.localised):
-                _log_stop_scan(stream, "before", scan, scene.localised[scan.index])
             _log_stop_scan(stream, "after", scan, poses[scan.index])
         for index, top in scene.tops.items():
             clutter = scene.clutter.get(index, top[:0])
@@ -82,35 +68,12 @@ class Alignment:
                         )
         _log_stops(stream, "registration/stops", poses, registration.used)
         _log_stops(stream, "registration/localised_stops", scene.localised, registration.used)
+        _log_bases(stream, registration)
         _log_pairs(stream, registration)
         _log_graph(stream, registration)
         _log_residuals(stream, registration)
-
-    def _plot(self, stream: Stream) -> None:
-        """Plot the collected pair on the timeline ``iteration``."""
-        steps, self._iterations = self._iterations, []
-        if not steps:
-            return
-        pair = _ends(steps[0])
-        is_room = len(self._plotted) < stream.config.plotted_pairs
-        if not (is_room or pair in self._plotted or stream.config.level == "full"):
-            return
-        self._plotted.add(pair)
-        times = rr.TimeColumn("iteration", sequence=[step.iteration for step in steps])
-        columns = {
-            "fitness": [step.fitness for step in steps],
-            "rmse_mm": [step.rmse * 1000 for step in steps],
-            "inliers": [float(step.inliers) for step in steps],
-        }
-        for name, values in columns.items():
-            path = f"registration/iterations/{name}/{pair[0]:02d}_to_{pair[1]:02d}"
-            stream.rec.send_columns(
-                path, indexes=[times], columns=rr.Scalars.columns(scalars=np.array(values))
-            )
-
-
-def _ends(step: PairIteration) -> tuple[int, int]:
-    return step.source, step.target
+        _log_dropped(stream, registration)
+        self.pairs.log(stream, text.worst_first(registration), poses)
 
 
 def _log_stop_scan(stream: Stream, moment: str, scan: StopScan, pose: Pose2) -> None:
@@ -150,18 +113,40 @@ def _log_stops(stream: Stream, path: str, poses: Sequence[Pose2], used: tuple[bo
         )
 
 
+def _log_bases(stream: Stream, registration: Registration) -> None:
+    """Draw the base at each stop as an arrow on the floor, with its number where there are few."""
+    poses = registration.map_from_base
+    if not poses:
+        return
+    is_few = len(poses) <= FEW_STOPS
+    ahead = [pose.rotate(np.array([BASE_ARROW, 0.0])) for pose in poses]
+    stream.log(
+        "registration/bases",
+        rr.Arrows3D(
+            origins=raised(np.array([pose.translation for pose in poses]), FLOOR),
+            vectors=raised(np.array(ahead), 0.0),
+            colors=[
+                colours.of_stop(i) if used else colours.MUTED
+                for i, used in enumerate(registration.used)
+            ],
+            radii=rr.Radius.ui_points(3.0 if is_few else 1.5),
+            labels=[str(i) for i in range(len(poses))],
+            show_labels=is_few,
+        ),
+    )
+
+
 def _log_pairs(stream: Stream, registration: Registration) -> None:
     groups: dict[tuple[str, bool], list[Pair]] = {}
     for pair in registration.pairs:
         groups.setdefault((pair.kind, pair.used), []).append(pair)
-    poses = registration.map_from_base
+    eyes = _eyes(stream, registration.map_from_base)
     for (kind, used), pairs in groups.items():
-        ends = [[poses[p.target].translation, poses[p.source].translation] for p in pairs]
         stream.log(
             f"registration/graph_in_map/{kind}_{'used' if used else 'dropped'}",
             rr.LineStrips3D(
-                [raised(np.array(pair), PAIR_HEIGHT) for pair in ends],
-                colors=[colours.USED if used else colours.DROPPED],
+                [eyes[[p.target, p.source]] for p in pairs],
+                colors=_tints(registration, pairs) if used else [colours.MUTED],
                 radii=rr.Radius.ui_points(0.7),
                 labels=[
                     f"{p.source} to {p.target}: rmse {1000 * p.rmse:.1f} mm"
@@ -173,15 +158,42 @@ def _log_pairs(stream: Stream, registration: Registration) -> None:
             ),
         )
     if len(registration.graph_before) > 1:
-        before = np.array([pose.translation for pose in registration.graph_before])
         stream.log(
             "registration/graph_before",
             rr.LineStrips3D(
-                [raised(before, PAIR_HEIGHT)],
+                [_eyes(stream, registration.graph_before)],
                 colors=[colours.LOCALISED],
                 radii=rr.Radius.ui_points(1.0),
             ),
         )
+
+
+def _tints(registration: Registration, pairs: list[Pair]) -> NDArray[np.uint8]:
+    """Return (n, 3): the pairs' colours, by how far they are from what was made of them."""
+    residuals = [text.pair_residual(registration, pair) for pair in pairs]
+    return colours.severity(np.array(residuals), RESIDUAL_LIMIT)
+
+
+def _eyes(stream: Stream, poses: Sequence[Pose2]) -> NDArray[np.float32]:
+    """Return (n, 3): the cameras of the stops, where the pyramids begin; else the bases."""
+    cameras = [frustum[0] for _, frustum in stream.scene.cameras]
+    cameras += [np.zeros(3)] * (len(poses) - len(cameras))
+    eyes = [transform(p.lifted(), eye) for p, eye in zip(poses, cameras, strict=False)]
+    return np.array(eyes, dtype=np.float32).reshape(-1, 3)
+
+
+def _log_dropped(stream: Stream, registration: Registration) -> None:
+    """Say which pairs were dropped and why, at the time of their later stop."""
+    stamps = stream.scene.stamps_ns
+    dropped = [
+        p for p in registration.pairs if not p.used and max(p.source, p.target) < len(stamps)
+    ]
+    for pair in sorted(dropped, key=lambda p: max(p.source, p.target)):
+        later = max(pair.source, pair.target)
+        stream.at(stamps[later], snapshot=later)
+        message = f"{pair.kind} pair {pair.source} to {pair.target} dropped: {pair.reason}"
+        stream.log_flat("log", rr.TextLog(message, level="INFO"))
+    stream.hold()
 
 
 def _log_graph(stream: Stream, registration: Registration) -> None:

@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-
-import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
 from tablemap.review import colours
+from tablemap.review.eyes import (
+    WHOLE,
+    Override,
+    between_stops,
+    of_pairs,
+    of_table,
+    round_table,
+)
 from tablemap.review.stream import FEW_STOPS, Scene
 
-ROUND = 2.3
-"""Distance of the eye, in multiples of what it shows, for a view of the stops round the table."""
-NEAR = 2.7
-"""The same for a view of the table alone."""
-ALL_OF_IT = 3.3
-"""The same, so that the table is in the picture whole, with its numbers."""
-MOST_ROUND = 4.0
-EYE_ASIDE = 0.3  # radians from straight before the table: two of its sides are told apart
-MOST_ASIDE = 0.9
-
-Shown = rrb.EntityBehavior | rr.LineStrips3D | rr.Points3D
+QUIET_LEGEND = rrb.PlotLegend(visible=False)
+Contents = rrb.View | rrb.Container
 
 
 def blueprint(scene: Scene) -> rrb.Blueprint:
@@ -34,12 +29,17 @@ def blueprint(scene: Scene) -> rrb.Blueprint:
     tabs: list[rrb.Container] = [_overview(scene)]
     for stage, tab in (
         ("calibration", _views),
+        ("odometry", _odometry),
         ("registration", _registration),
+        ("registration", _pairs),
         ("outline", _surface),
         ("legs", _legs),
     ):
-        if scene.localised and (stage in begun or not scene.failed):
+        is_there = stage in begun or not scene.failed
+        if scene.localised and is_there and (tab is not _pairs or scene.pairs_reach):
             tabs.append(tab(scene))
+    if scene.tables:
+        tabs.append(rrb.Tabs(*[_table(n, one) for n, one in scene.tables.items()], name="Tables"))
     if scene.stages:
         tabs.append(_timings())
     return rrb.Blueprint(
@@ -52,14 +52,29 @@ def blueprint(scene: Scene) -> rrb.Blueprint:
     )
 
 
-def _overview(scene: Scene) -> rrb.Horizontal:
+def _beside(name: str, share: float, left: Contents, *right: Contents) -> rrb.Horizontal:
+    """Return what is left so many times as wide as what is right of it, from top to bottom."""
+    column = right[0] if len(right) == 1 else rrb.Vertical(*right)
+    return rrb.Horizontal(left, column, column_shares=[share, 1.0], name=name)
+
+
+def _text(origin: str, name: str) -> rrb.TextDocumentView:
+    return rrb.TextDocumentView(origin=origin, name=name)
+
+
+def _plot(origin: str, name: str) -> rrb.TimeSeriesView:
+    return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=QUIET_LEGEND)
+
+
+def _overview(scene: Scene) -> rrb.Container:
     shown = [
         "/model/**",
-        "/other_tables/**",
-        "/registration/stops",
+        "/registration/bases" if len(scene.localised) <= FEW_STOPS else "/registration/stops",
         "/registration/after/scan/**",
         "/trajectory/registered",
     ]
+    for number in scene.tables:
+        shown += [f"/tables/{number:02d}/model/{part}/**" for part in ("top", "legs")]
     if len(scene.localised) <= FEW_STOPS:
         shown.append("/registration/after/clutter/**")
     if "legs" not in scene.reached:
@@ -78,200 +93,25 @@ def _overview(scene: Scene) -> rrb.Horizontal:
             "/robot/**",
             "/camera",
         ]
-    reach = max(ROUND * _surround(scene), ALL_OF_IT * scene.extent)
-    return rrb.Horizontal(
-        _space(
-            scene,
-            "Table and stops",
-            shown,
-            reach=reach,
-            steepness=1.3,
-            aside=_between_stops(scene),
-            overrides=_quiet(scene),
-        ),
-        rrb.Vertical(
-            rrb.TextDocumentView(origin="/summary", name="Summary"),
-            rrb.Spatial2DView(origin="/camera/depth", name="Depth at the snapshot"),
-            row_shares=[1.7, 1.0],
-        ),
-        column_shares=[1.7, 1.0],
-        name="Overview",
+    space = round_table(
+        scene,
+        "Table and stops",
+        shown,
+        reach=WHOLE * scene.extent,
+        steepness=1.3,
+        aside=between_stops(scene),
+        overrides=_quiet(scene),
     )
+    right: list[Contents] = [_text("/summary", "Summary")]
+    if scene.localised:
+        depth = rrb.Spatial2DView(origin="/camera/depth", name="Depth at the snapshot")
+        right = [rrb.Vertical(*right, depth, row_shares=[1.7, 1.0])]
+    return _beside("Overview", 1.7, space, *right)
 
 
-def _views(scene: Scene) -> rrb.Horizontal:
-    shown = [
-        "/camera/**",
-        "/segmentation/points",
-        "/segmentation/candidates/**",
-        "/laser/scan",
-        "/robot/**",
-        "- /camera/depth",
-        "- /camera/colour",
-    ]
-    last: list[rrb.View] = [rrb.TextDocumentView(origin="/calibration/summary", name="Calibration")]
-    if scene.has_colour:
-        last.insert(0, rrb.Spatial2DView(origin="/camera/colour", name="Colour"))
-    return rrb.Horizontal(
-        rrb.Vertical(
-            _space(scene, "Segmented view", shown, reach=ROUND * _surround(scene), steepness=0.8),
-            rrb.TextDocumentView(origin="/segmentation/summary", name="Tables and views"),
-            row_shares=[1.6, 1.0],
-        ),
-        rrb.Vertical(
-            rrb.Spatial2DView(
-                origin="/segmentation/labels",
-                name="Labels",
-                contents=["/segmentation/labels"],
-            ),
-            rrb.Spatial2DView(origin="/camera/depth", name="Depth"),
-            rrb.Tabs(contents=last),
-        ),
-        column_shares=[1.5, 1.0],
-        name="Views",
-    )
-
-
-def _registration(scene: Scene) -> rrb.Vertical:
-    stops = "/registration/stops"
-    after = ["/registration/after/**", "/registration/graph_in_map/**", stops]
-    before = ["/registration/before/**", "/registration/localised_stops"]
-    paths = ["/trajectory/**", stops, "/odometry/scan", "/registration/graph_before"]
-    return rrb.Vertical(
-        rrb.Horizontal(
-            _space(scene, "As localised", before, reach=ROUND * _surround(scene), steepness=4.0),
-            _space(scene, "As registered", after, reach=ROUND * _surround(scene), steepness=4.0),
-        ),
-        rrb.Horizontal(
-            rrb.TextDocumentView(origin="/registration/summary", name="Pairs and checks"),
-            rrb.Tabs(
-                rrb.GraphView(origin="/registration/graph", name="Pose graph"),
-                rrb.TimeSeriesView(origin="/registration/correction_mm", name="Correction (mm)"),
-                rrb.Vertical(
-                    rrb.TimeSeriesView(origin="/registration/iterations/rmse_mm", name="RMSE (mm)"),
-                    rrb.TimeSeriesView(origin="/registration/iterations/fitness", name="Fitness"),
-                    rrb.TimeSeriesView(origin="/registration/iterations/inliers", name="Inliers"),
-                    name="On timeline iteration",
-                ),
-                _space(scene, "Trajectories", paths, reach=ROUND * _surround(scene), steepness=4.0),
-                rrb.TextDocumentView(origin="/odometry/summary", name="Odometry"),
-                rrb.TimeSeriesView(origin="/odometry/threshold_m", name="On timeline sensor_time"),
-            ),
-        ),
-        row_shares=[1.4, 1.0],
-        name="Registration",
-    )
-
-
-def _surface(scene: Scene) -> rrb.Horizontal:
-    edges = [
-        "/outline/edges/**",
-        "/surface/chosen",
-        "/surface/hull",
-        "/model/uncertainty/**",
-        "- /outline/edges/image_border/**",
-    ]
-    fit = ["/surface/residuals", "/surface/candidates/**", "/model/uncertainty/**"]
-    return rrb.Horizontal(
-        rrb.Tabs(
-            _space(scene, "Edges by kind", edges, reach=NEAR * scene.extent, steepness=5.0),
-            _space(
-                scene, "Residuals and candidates", fit, reach=NEAR * scene.extent, steepness=5.0
-            ),
-        ),
-        rrb.Vertical(
-            rrb.Tabs(
-                rrb.TextDocumentView(origin="/surface/summary", name="Choice"),
-                rrb.TextDocumentView(origin="/outline/summary", name="Edge counts"),
-                rrb.TextDocumentView(origin="/surface/crosscheck", name="Camera against laser"),
-            ),
-            rrb.Tabs(
-                rrb.Spatial2DView(
-                    origin="/surface/unrolled",
-                    name="Residuals along the outline",
-                    visual_bounds=rrb.VisualBounds2D(x_range=(-65, 425), y_range=(-125, 150)),
-                ),
-                rrb.BarChartView(origin="/surface/residual_histogram_mm", name="Histogram (mm)"),
-                rrb.TimeSeriesView(origin="/outline/height_mm", name="Height by view (mm)"),
-            ),
-            row_shares=[1.2, 1.0],
-        ),
-        column_shares=[1.3, 1.0],
-        name="Surface",
-    )
-
-
-def _legs(scene: Scene) -> rrb.Horizontal:
-    shown = ["/legs/**", f"/surface/candidates/{scene.shape}", "/model/legs/**"]
-    return rrb.Horizontal(
-        _space(
-            scene, "Legs from the laser's height", shown, reach=NEAR * scene.extent, steepness=1.2
-        ),
-        rrb.TextDocumentView(origin="/legs/summary", name="Legs"),
-        column_shares=[1.4, 1.0],
-        name="Legs",
-    )
-
-
-def _timings() -> rrb.Vertical:
-    return rrb.Vertical(
-        rrb.Horizontal(
-            rrb.Spatial2DView(
-                origin="/timing",
-                name="Stages",
-                contents=["/timing/bars", "/timing/names"],
-                visual_bounds=rrb.VisualBounds2D(x_range=(-160, 430), y_range=(-20, 270)),
-            ),
-            rrb.TextDocumentView(origin="/timing/summary", name="Seconds"),
-            column_shares=[1.6, 1.0],
-        ),
-        rrb.TextLogView(origin="/log", name="Warnings and what was set aside"),
-        name="Timings",
-    )
-
-
-def _middle(scene: Scene) -> tuple[float, float]:
-    """Return the place that a view of the stops round the table looks at."""
-    stops = [(pose.x, pose.y) for pose in scene.localised]
-    if scene.centre is None:
-        return tuple(np.mean(stops, axis=0).tolist()) if stops else (0.0, 0.0)
-    if not stops:
-        return scene.centre
-    away = np.array(stops) - np.array(scene.centre)
-    reach = MOST_ROUND * scene.extent
-    low = np.minimum(np.clip(away, -reach, reach).min(axis=0), -scene.extent)
-    high = np.maximum(np.clip(away, -reach, reach).max(axis=0), scene.extent)
-    middle = np.array(scene.centre) + (low + high) / 2
-    return float(middle[0]), float(middle[1])
-
-
-def _surround(scene: Scene) -> float:
-    """Return how far from the middle the table and the stops reach, within reason (metres)."""
-    if not scene.localised:
-        return 2 * scene.extent
-    middle = np.array(_middle(scene))
-    away = np.linalg.norm([pose.translation - middle for pose in scene.localised], axis=1)
-    if scene.centre is None:
-        return float(max(np.median(away), 2 * scene.extent))
-    table = float(np.linalg.norm(np.array(scene.centre) - middle)) + scene.extent
-    return min(max(float(np.median(away)), table), MOST_ROUND * scene.extent)
-
-
-def _between_stops(scene: Scene) -> float:
-    """Return how far aside (radians) the eye stands, so that no stop hides the table."""
-    x, y = scene.centre or (0.0, 0.0)
-    seen = [math.atan2(pose.y - y, pose.x - x) for pose in scene.localised]
-    aside = np.linspace(EYE_ASIDE / 2, MOST_ASIDE, 40)
-    if not seen:
-        return EYE_ASIDE
-    away = (scene.yaw - math.pi / 2 + aside)[:, None] - np.array(seen)
-    gaps = np.abs((away + math.pi) % (2 * math.pi) - math.pi).min(axis=1)
-    return float(aside[np.argmax(gaps)])
-
-
-def _quiet(scene: Scene) -> dict[str, Shown]:
+def _quiet(scene: Scene) -> dict[rr.datatypes.EntityPath | str, Override]:
     """Return what lets the model stand out: one colour for scans and clutter, thin paths."""
-    quiet: dict[str, Shown] = {
+    quiet: dict[rr.datatypes.EntityPath | str, Override] = {
         "/model/uncertainty": rrb.EntityBehavior(visible=False),
         "/trajectory/registered": rr.LineStrips3D.from_fields(
             colors=[colours.MUTED], radii=rr.Radius.ui_points(1.0)
@@ -283,34 +123,158 @@ def _quiet(scene: Scene) -> dict[str, Shown]:
     return quiet
 
 
-def _space(
-    scene: Scene,
-    name: str,
-    contents: list[str],
-    *,
-    reach: float,
-    steepness: float,
-    aside: float = 0.0,
-    overrides: Mapping[rr.datatypes.EntityPath | str, Shown] | None = None,
-) -> rrb.Spatial3DView:
-    """Return a 3D view that looks at the table from ``reach`` metres away, its length across.
-
-    ``steepness`` is how far the eye rises for each metre that it stands back, ``aside`` how far
-    (radians) it stands from straight before the table.
-    """
-    frame = scene.names.fixed if scene.names else "map"
-    x, y = _middle(scene) if reach >= ROUND * _surround(scene) else scene.centre or (0.0, 0.0)
-    back = reach / math.hypot(1.0, steepness)
-    target = (x, y, 0.8 * scene.height)
-    heading = scene.yaw - math.pi / 2 + (aside or EYE_ASIDE / max(steepness, 1.0) ** 2)
-    eye = (x + back * math.cos(heading), y + back * math.sin(heading), target[2] + steepness * back)
-    return rrb.Spatial3DView(
-        name=name,
-        origin="/",
-        contents=contents,
-        overrides=overrides,
-        spatial_information=rrb.SpatialInformation(target_frame=frame),
-        eye_controls=rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital, position=eye, look_target=target, eye_up=(0.0, 0.0, 1.0)
+def _views(scene: Scene) -> rrb.Container:
+    shown = [
+        "/camera/**",
+        "/segmentation/points",
+        "/segmentation/candidates/**",
+        "/laser/scan",
+        "/robot/**",
+        "- /camera/depth",
+        "- /camera/colour",
+    ]
+    last: list[Contents] = [_text("/calibration/summary", "Calibration")]
+    if scene.has_colour:
+        last.insert(0, rrb.Spatial2DView(origin="/camera/colour", name="Colour"))
+    return _beside(
+        "Views",
+        1.5,
+        rrb.Vertical(
+            round_table(scene, "Segmented view", shown, steepness=0.8),
+            _text("/segmentation/summary", "Tables and views"),
+            row_shares=[1.6, 1.0],
         ),
+        rrb.Spatial2DView(
+            origin="/segmentation/labels", name="Labels", contents=["/segmentation/labels"]
+        ),
+        rrb.Spatial2DView(origin="/camera/depth", name="Depth"),
+        rrb.Tabs(*last),
+    )
+
+
+def _odometry(scene: Scene) -> rrb.Container:
+    shown = ["/odometry/scan", "/odometry/local_map", "/trajectory/**", "- /trajectory/registered"]
+    return _beside(
+        "Odometry",
+        1.5,
+        round_table(scene, "Scan on KISS-ICP's map: timeline 'sensor_time'", shown, steepness=4.0),
+        _text("/odometry/summary", "Odometry"),
+        _plot("/odometry/correction_mm", "Scan against its prior (mm)"),
+        _plot("/odometry/threshold_mm", "Threshold (mm)"),
+    )
+
+
+def _registration(scene: Scene) -> rrb.Container:
+    stops = "/registration/stops"
+    after = ["/registration/after/**", "/registration/graph_in_map/**", stops]
+    before = ["/registration/before/**", "/registration/localised_stops"]
+    paths = ["/trajectory/**", stops, "/registration/graph_before"]
+    return rrb.Vertical(
+        rrb.Horizontal(
+            round_table(scene, "As localised", before, steepness=4.0),
+            round_table(scene, "As registered", after, steepness=4.0),
+        ),
+        rrb.Horizontal(
+            _text("/registration/summary", "Pairs and checks"),
+            rrb.Tabs(
+                rrb.GraphView(origin="/registration/graph", name="Pose graph"),
+                _plot("/registration/correction_mm", "Correction (mm)"),
+                round_table(scene, "Trajectories", paths, steepness=4.0),
+            ),
+        ),
+        row_shares=[1.4, 1.0],
+        name="Registration",
+    )
+
+
+def _pairs(scene: Scene) -> rrb.Container:
+    return _beside(
+        "Pairs",
+        2.0,
+        of_pairs(scene, "ICP: choose the timeline 'iteration' and scrub"),
+        _text("/registration/pairs/summary", "Pairs side by side"),
+        _plot("/registration/iterations/rmse_mm", "RMSE (mm)"),
+        _plot("/registration/iterations/fitness", "Fitness"),
+        _plot("/registration/iterations/inliers", "Inliers"),
+    )
+
+
+def _surface(scene: Scene) -> rrb.Container:
+    edges = [
+        "/outline/edges/**",
+        "/surface/chosen",
+        "/surface/hull",
+        "/model/uncertainty/**",
+        "- /outline/edges/image_border/**",
+    ]
+    fit = ["/surface/residuals", "/surface/candidates/**", "/model/uncertainty/**"]
+    return _beside(
+        "Surface",
+        1.3,
+        rrb.Tabs(
+            of_table(scene, "Edges by kind", edges, steepness=5.0),
+            of_table(scene, "Residuals and candidates", fit, steepness=5.0),
+        ),
+        rrb.Tabs(
+            _text("/surface/summary", "Choice"),
+            _text("/outline/summary", "Edge counts"),
+            _text("/surface/crosscheck", "Camera against laser"),
+        ),
+        rrb.Tabs(
+            rrb.Spatial2DView(
+                origin="/surface/unrolled",
+                name="Residuals along the outline",
+                visual_bounds=rrb.VisualBounds2D(x_range=(-65, 425), y_range=(-125, 150)),
+            ),
+            rrb.BarChartView(origin="/surface/residual_histogram_mm", name="Histogram (mm)"),
+            rrb.TimeSeriesView(origin="/outline/height_mm", name="Height by view (mm)"),
+        ),
+    )
+
+
+def _legs(scene: Scene) -> rrb.Container:
+    shown = ["/legs/**", f"/surface/candidates/{scene.shape}", "/model/legs/**"]
+    return _beside(
+        "Legs",
+        1.4,
+        of_table(scene, "Legs from the laser's height", shown, steepness=1.2),
+        _text("/legs/summary", "Legs"),
+    )
+
+
+def _table(number: int, scene: Scene) -> rrb.Container:
+    """Return what there is of a table beside the chosen one."""
+    below = f"/tables/{number:02d}"
+    shown = [
+        f"{below}/{one}" for one in ("model/**", "outline/edges/table/**", "legs/**", "surface/**")
+    ]
+    shown += [f"- {below}/surface/{one}" for one in ("candidates/**", "residuals", "unrolled/**")]
+    shown += [f"- {below}/model/uncertainty/**"]
+    return _beside(
+        f"Table {number:02d}",
+        1.4,
+        of_table(scene, "Table beside the chosen one", shown, steepness=1.3, reach=WHOLE),
+        rrb.Tabs(
+            _text(f"{below}/summary", "Summary"),
+            _text(f"{below}/surface/summary", "Choice"),
+            _text(f"{below}/legs/summary", "Legs"),
+        ),
+    )
+
+
+def _timings() -> rrb.Container:
+    return rrb.Vertical(
+        _beside(
+            "Stages and seconds",
+            1.6,
+            rrb.Spatial2DView(
+                origin="/timing",
+                name="Stages",
+                contents=["/timing/bars", "/timing/names"],
+                visual_bounds=rrb.VisualBounds2D(x_range=(-160, 430), y_range=(-20, 270)),
+            ),
+            _text("/timing/summary", "Seconds"),
+        ),
+        rrb.TextLogView(origin="/log", name="Warnings and what was set aside"),
+        name="Timings",
     )

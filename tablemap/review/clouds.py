@@ -20,7 +20,7 @@ def thinned(points: Floats, cell: float) -> NDArray[np.float32]:
     return kept[np.sort(first)].astype(np.float32)
 
 
-def raised(points: Floats, height: float) -> NDArray[np.float32]:
+def raised(points: NDArray[np.floating], height: float) -> NDArray[np.float32]:
     """Return (n, 2) points of a plane as (n, 3) at a height."""
     flat = np.asarray(points, dtype=np.float32).reshape(-1, 2)
     return np.column_stack([flat, np.full(len(flat), height, dtype=np.float32)])

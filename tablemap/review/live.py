@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import IO
 
 from tablemap.errors import ExternalToolError
-from tablemap.review.viewer import LOOPBACK, listens, stop, viewer_environment, viewer_program
+from tablemap.review.viewer import LOOPBACK, launch, listens, stop
 
 PORT = 9876
 """Where a viewer listens unless it was told otherwise."""
@@ -28,14 +28,7 @@ def start_viewer(port: int = PORT) -> None:
     """
     if listens(port):
         return
-    command = [str(viewer_program()), "--bind", LOOPBACK, "--port", str(port)]
-    viewer = subprocess.Popen(
-        [*command, "--expect-data-soon"],
-        env=viewer_environment(),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
+    viewer = launch("--bind", LOOPBACK, "--port", str(port), "--expect-data-soon")
     deadline = time.monotonic() + START_SECONDS
     # It listens before it looks for a screen: only one that still runs then has found one.
     time.sleep(POLL_SECONDS)
@@ -55,14 +48,7 @@ def followed(file: Path, *, port: int = PORT) -> Iterator[None]:
 
     A program of its own feeds the viewer: one that is closed or hangs costs the run nothing.
     """
-    feeder = subprocess.Popen(
-        [str(viewer_program()), "--port", str(port), "-"],
-        env=viewer_environment(),
-        stdin=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
+    feeder = launch("--port", str(port), "-", stdin=subprocess.PIPE)
     ended = threading.Event()
     assert feeder.stdin is not None
     feed = threading.Thread(target=_feed, args=(file, feeder.stdin, ended), daemon=True)

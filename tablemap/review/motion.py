@@ -1,4 +1,4 @@
-"""Where the base went: recorded, by odometry, and registered."""
+"""Where the base went: recorded, by odometry and what that was registered to, and registered."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ import numpy as np
 import rerun as rr
 
 from tablemap.geometry import Floats, Pose2
-from tablemap.odometry import Odometry, OdometryScan, Trajectory
+from tablemap.odometry import Odometry, OdometryMap, OdometryScan, Trajectory
 from tablemap.review import colours, text
-from tablemap.review.clouds import raised
-from tablemap.review.stream import Stream
+from tablemap.review.clouds import raised, thinned
+from tablemap.review.stream import Stream, sensor_times
 
 TRAJECTORY_HEIGHT = 0.02
+MAP_CELLS = 2
 
 
 class Motion:
@@ -19,22 +20,35 @@ class Motion:
 
     def __init__(self) -> None:
         self._last_ns: int | None = None
-        self._thresholds: list[tuple[int, float]] = []
+        self._scans: list[tuple[int, float, float]] = []
 
     def log_scan(self, stream: Stream, scan: OdometryScan) -> None:
-        """Log a scan where KISS-ICP placed it, and the threshold that it used."""
-        self._thresholds.append((scan.stamp_ns, scan.threshold))
+        """Log a scan where KISS-ICP placed it; its threshold and correction are plotted later."""
+        self._scans.append((scan.stamp_ns, scan.threshold, scan.correction))
         between_ns = int(stream.config.scan_seconds * 1e9)
         is_next = self._last_ns is None or scan.stamp_ns - self._last_ns >= between_ns
         if not (is_next or stream.config.level == "full"):
             return
         self._last_ns = scan.stamp_ns
-        stream.at(scan.stamp_ns)
+        stream.at(scan.stamp_ns, snapshot=stream.scene.snapshot_at(scan.stamp_ns))
         stream.log(
             "odometry/scan",
             rr.Points3D(
                 raised(scan.points, stream.scene.laser_height),
                 colors=[colours.ODOMETRY],
+                radii=rr.Radius.ui_points(1.5),
+            ),
+        )
+
+    def log_map(self, stream: Stream, local: OdometryMap) -> None:
+        """Log what KISS-ICP registered scans to at that time, thinned."""
+        stream.at(local.stamp_ns, snapshot=stream.scene.snapshot_at(local.stamp_ns))
+        points = thinned(local.points, MAP_CELLS * stream.config.voxel)
+        stream.log(
+            "odometry/local_map",
+            rr.Points3D(
+                raised(points, stream.scene.laser_height),
+                colors=[colours.MUTED],
                 radii=rr.Radius.ui_points(1.5),
             ),
         )
@@ -50,15 +64,12 @@ class Motion:
             moved = start @ Pose2.from_array(odometry.wheels.poses[0]).inverse()
             in_map = moved.apply(odometry.wheels.poses[:, :2])
             _log_path(stream, "trajectory/wheels", in_map, colours.WHEELS)
-        if self._thresholds:
-            stamps, thresholds = zip(*self._thresholds, strict=True)
-            times = np.array(stamps, dtype="datetime64[ns]")
-            stream.rec.send_columns(
-                "odometry/threshold_m",
-                indexes=[rr.TimeColumn("sensor_time", timestamp=times)],
-                columns=rr.Scalars.columns(scalars=np.array(thresholds, dtype=np.float64)),
-            )
-            self._thresholds = []
+        if self._scans:
+            stamps, thresholds, corrections = zip(*self._scans, strict=True)
+            times = sensor_times(stamps)
+            stream.plot("odometry/threshold_mm", times, 1000 * np.array(thresholds))
+            stream.plot("odometry/correction_mm", times, 1000 * np.array(corrections))
+            self._scans = []
 
 
 def log_trajectory(

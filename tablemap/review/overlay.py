@@ -8,8 +8,9 @@ from tablemap.config import ReviewConfig
 from tablemap.model import TableModel
 from tablemap.record import OtherTable
 from tablemap.review.blueprint import blueprint
-from tablemap.review.solid import log_model, log_other_table
+from tablemap.review.solid import log_model
 from tablemap.review.stream import Stream
+from tablemap.review.tables import Tables
 
 
 def write_overlay(
@@ -23,7 +24,7 @@ def write_overlay(
     try:
         stream = Stream(part, run_id=name, recording_name=name, config=ReviewConfig())
         log_model(stream, a)
-        log_other_table(stream, OtherTable(1, b))
+        Tables().log_outcome(stream, OtherTable(1, b))
         stream.text("compared", f"**solid:** {names[0]}\n\n**muted:** {names[1]}")
         stream.rec.send_blueprint(blueprint(stream.scene))
         stream.close()

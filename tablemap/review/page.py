@@ -10,7 +10,7 @@ import numpy as np
 
 from tablemap.archive.folder import Manifest
 from tablemap.model import TableModel
-from tablemap.record import RunFailed
+from tablemap.record import OtherTable, RunFailed
 from tablemap.review.plan import plan
 from tablemap.review.plots import histogram, unrolled
 from tablemap.summary import summary_rows
@@ -28,7 +28,7 @@ svg { max-width: 100%; height: auto; }
 .good { color: #1b7a36; } .doubtful { color: #a86400; } .failed { color: #b3261e; }
 .measured { color: #1b7a36; } .inferred { color: #a86400; } .unseen { color: #b3261e; }
 .muted { color: #666; }
-section { break-inside: avoid; }
+section, tr { break-inside: avoid; } h2 { break-after: avoid; }
 @media print { body { margin: 0; max-width: none; font-size: 11px; } }
 """
 MOST_ROWS = 200
@@ -41,6 +41,7 @@ class Page:
         self._model: TableModel | None = None
         self._surface: Surface | None = None
         self._failure: RunFailed | None = None
+        self._others: list[OtherTable] = []
 
     def __call__(self, result: object) -> None:
         """Take a result or an event of the run."""
@@ -48,6 +49,8 @@ class Page:
             self._model = result
         elif isinstance(result, Surface):
             self._surface = result
+        elif isinstance(result, OtherTable):
+            self._others.append(result)
         elif isinstance(result, RunFailed):
             self._failure = result
 
@@ -60,10 +63,10 @@ class Page:
                 f'<h1 class="failed">No model of {name}</h1>',
                 f"<p>The run ended in <b>{escape(stage)}</b>:</p>",
                 f"<blockquote>{escape(error or 'no reason was given')}</blockquote>",
-                _stages_done(manifest, stage),
+                _stages_done(manifest, stage, status),
             ]
         else:
-            body = list(_model(model, name, self._surface))
+            body = [*_model(model, name, self._surface), *_beside(self._others)]
             if error:
                 body.insert(1, f'<p class="doubtful">{escape(status)}: {escape(error)}</p>')
         return "\n".join(
@@ -150,9 +153,38 @@ def _model(model: TableModel, name: str, surface: Surface | None) -> Iterable[st
         )
 
 
-def _stages_done(manifest: Manifest, failed: str) -> str:
+def _beside(others: Sequence[OtherTable]) -> Iterable[str]:
+    """Write the other tables in a line each: what they are, or why there is no model."""
+    if not others:
+        return
+    yield "<h2>Other tables</h2>"
+    yield _table(
+        ("table", "what it is", "x, y in m", "height", "verdict"),
+        [
+            (f"{one.number:02d}", one.outcome, "", "", "failed")
+            if isinstance(one.outcome, str)
+            else (
+                f"{one.number:02d}",
+                " ".join(
+                    [
+                        one.outcome.surface.shape,
+                        " x ".join(
+                            f"{d.value:.3f}" for d in one.outcome.surface.dimensions.values()
+                        ),
+                    ]
+                ),
+                f"{one.outcome.surface.pose.x:.3f}, {one.outcome.surface.pose.y:.3f}",
+                f"{one.outcome.surface.height.value:.3f} m",
+                one.outcome.verdict.level,
+            )
+            for one in others
+        ],
+    )
+
+
+def _stages_done(manifest: Manifest, last: str, status: str) -> str:
     rows = [(name, f"{seconds:.2f} s") for name, seconds in manifest.timings.items()]
-    return "<h2>How far it came</h2>" + _table(("stage", "time"), [*rows, (failed, "failed")])
+    return "<h2>How far it came</h2>" + _table(("stage", "time"), [*rows, (last, status)])
 
 
 def _provenance(manifest: Manifest, status: str) -> str:
@@ -185,5 +217,5 @@ def _table(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:
 
 
 def _cell(text: str) -> str:
-    is_status = text in ("measured", "inferred", "unseen", "failed")
+    is_status = text in ("measured", "inferred", "unseen", "good", "doubtful", "failed")
     return f'<td class="{text}">{text}</td>' if is_status else f"<td>{escape(text)}</td>"

@@ -11,12 +11,19 @@ from tablemap.geometry import Floats, transform
 from tablemap.review import colours, text
 from tablemap.review.clouds import closed, thinned
 from tablemap.review.stream import Stream
-from tablemap.segmentation import Label, Segmentation, ViewSegmentation
+from tablemap.segmentation import (
+    Label,
+    Segmentation,
+    TableCandidate,
+    TablesFound,
+    ViewSegmentation,
+)
 from tablemap.snapshots import Snapshot
 
 SHOWN_WIDTH = 640
 CLOUD_WIDTH = 110
 INSIDE_CELLS = 5
+MOST_IN_SIGHT = 4
 
 
 class Perception:
@@ -28,6 +35,8 @@ class Perception:
     def log_calibration(self, stream: Stream, calibration: Calibration) -> None:
         """Log what the floor said about the camera."""
         self._snapshots = calibration.snapshots
+        stream.scene.floor_z = calibration.floor_z
+        stream.scene.laser_height += calibration.floor_z
         stream.hold()
         stream.text("calibration/summary", text.calibration(calibration))
         shown = (calibration.floor_rms_before * 1000, calibration.floor_rms_after * 1000)
@@ -36,7 +45,7 @@ class Perception:
     def log_segmentation(self, stream: Stream, segmentation: Segmentation) -> None:
         """Log labels in colours, as images and as points, and the candidate tables."""
         scene = stream.scene
-        scene.height = segmentation.height
+        scene.height = scene.floor_z + segmentation.height
         context = rr.AnnotationContext(
             [(int(label), name, colour) for label, (name, colour) in colours.LABELS.items()]
         )
@@ -53,6 +62,7 @@ class Perception:
                     "log", rr.TextLog(f"snapshot {view.index} set aside: {reason}", level="INFO")
                 )
             points = snapshot.points_in_base()
+            points[..., 2] += scene.floor_z
             if view.sees_table:
                 self._keep(stream, view, points)
             coarse = max(1, -(-view.labels.shape[1] // SHOWN_WIDTH))
@@ -83,31 +93,49 @@ class Perception:
         on_top = (view.labels == Label.ON_TOP) & np.isfinite(points[..., 2])
         stream.scene.clutter[view.index] = thinned(points[on_top], cell)
 
+    def log_tables_found(self, stream: Stream, found: TablesFound) -> None:
+        """Log what could be meant: all that a run shows of it where the choice fails."""
+        stream.hold()
+        stream.text("segmentation/summary", text.candidates(found.candidates))
+        hulls = [one.hull for one in found.candidates[:MOST_IN_SIGHT] if len(one.hull)]
+        if hulls:
+            all_of_them = np.concatenate(hulls)
+            middle = (all_of_them.min(axis=0) + all_of_them.max(axis=0)) / 2
+            stream.scene.centre = (float(middle[0]), float(middle[1]))
+            stream.scene.extent = float(np.linalg.norm(all_of_them - middle, axis=1).max())
+        _log_hulls(stream, "candidates/others", found.candidates, colours.MUTED, show_labels=True)
+
     def _log_candidates(self, stream: Stream, segmentation: Segmentation) -> None:
         stream.hold()
         stream.text("segmentation/summary", text.segmentation(segmentation))
-        if not segmentation.candidates:
-            return
         for one in segmentation.candidates:
             if one.chosen:
                 stream.scene.centre = (one.x, one.y)
                 if len(one.hull):
                     reach = np.linalg.norm(one.hull - one.hull.mean(axis=0), axis=1)
                     stream.scene.extent = float(max(reach.max(), 0.3))
-        for name, tint in (("chosen", colours.USED), ("others", colours.MUTED)):
-            shown = [
-                (one, k)
-                for k, one in enumerate(segmentation.candidates)
-                if one.chosen == (name == "chosen") and len(one.hull) > 2
-            ]
-            if shown:
-                stream.log(
-                    f"segmentation/candidates/{name}",
-                    rr.LineStrips3D(
-                        [closed(one.hull, one.height) for one, _ in shown],
-                        colors=[tint],
-                        radii=rr.Radius.ui_points(2.0),
-                        labels=[f"table {k}: {one.reason or name}" for one, k in shown],
-                        show_labels=name == "chosen",
-                    ),
-                )
+        chosen = tuple(one for one in segmentation.candidates if one.chosen)
+        others = tuple(one for one in segmentation.candidates if not one.chosen)
+        _log_hulls(stream, "candidates/chosen", chosen, colours.USED, show_labels=True)
+        _log_hulls(stream, "candidates/others", others, colours.MUTED, show_labels=False)
+
+
+def _log_hulls(
+    stream: Stream,
+    name: str,
+    candidates: tuple[TableCandidate, ...],
+    tint: colours.Colour,
+    *,
+    show_labels: bool,
+) -> None:
+    """Draw what could be the table, empty where nothing is left: it replaces what was found."""
+    stream.log(
+        f"segmentation/{name}",
+        rr.LineStrips3D(
+            [closed(one.hull, stream.scene.floor_z + one.height) for one in candidates],
+            colors=[tint],
+            radii=rr.Radius.ui_points(2.0),
+            labels=[f"{one.height:.2f} m high: {one.reason or 'a table'}" for one in candidates],
+            show_labels=show_labels,
+        ),
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from html import escape
 
@@ -21,7 +22,8 @@ MOST_AWAY = 3.0  # of the table's reach: stops farther off are left out of the d
 LEG_WITHOUT_SIZE = 0.04
 MOST_LABELLED_SIDES = 12
 HEADING = 0.22  # metres
-LABEL = 15.0  # pixels
+LABEL = 13.0  # pixels
+NUMBER = "#777777"
 
 Pixels = Callable[[Floats], Floats]
 
@@ -59,7 +61,11 @@ def plan(model: TableModel) -> str:
             f'stroke-width="3" stroke-dasharray="{dash}"><title>{edge.status}</title></polyline>'
         )
         sides.append(side)
-    parts += _labels(model, sides, outline, pixels)
+    if len(sides) <= MOST_LABELLED_SIDES:
+        for k, (side, edge) in enumerate(zip(sides, surface.edges, strict=True)):
+            length = "" if surface.dimensions else f"{_reach(side):.3f} m"
+            parts += _beside(k, side, length, STATUS[edge.status][0], pixels)
+    parts += _labels(model, outline, pixels)
     for k, stop in near.items():
         parts.append(_stop(k, stop, pixels, used=model.snapshots[k].used))
     parts.append(_axes(pose, scale, height, model.frame))
@@ -72,7 +78,8 @@ def plan(model: TableModel) -> str:
         '<p class="muted">Sides: <span class="measured">measured</span>, '
         '<span class="inferred">inferred (dashed)</span>, '
         '<span class="unseen">unseen (dotted)</span>. '
-        f"Circles with a line: the stops and their headings, grey where not used.{note}</p>"
+        "Grey numbers: the sides and the legs of the tables below. Circles with a line: the stops "
+        f"and their headings, grey where not used.{note}</p>"
     )
 
 
@@ -97,8 +104,8 @@ def _written(name: str, figure: Figure) -> str:
     return f"{name} {figure.value:.3f} m{spread}"
 
 
-def _labels(model: TableModel, sides: list[Floats], outline: Floats, pixels: Pixels) -> list[str]:
-    """Write the dimensions where they are; a polygon has its sides' lengths instead."""
+def _labels(model: TableModel, outline: Floats, pixels: Pixels) -> list[str]:
+    """Write the named dimensions where they are."""
     dimensions = model.surface.dimensions
     low, high = pixels(outline).min(axis=0), pixels(outline).max(axis=0)
     middle = (low + high) / 2
@@ -116,14 +123,33 @@ def _labels(model: TableModel, sides: list[Floats], outline: Floats, pixels: Pix
             text = _text(
                 place, _written(name, dimensions[name]), STATUS[dimensions[name].status][0]
             )
-            turn = f' transform="rotate(-90 {place[0]:.1f} {place[1]:.1f})"'
-            parts.append(text.replace("<text", f"<text{turn}", 1) if name == "width" else text)
-    if not parts and len(sides) <= MOST_LABELLED_SIDES:
-        for side, edge in zip(sides, model.surface.edges, strict=True):
-            reach = float(np.linalg.norm(np.diff(side, axis=0), axis=1).sum())
-            place = pixels(side).mean(axis=0)
-            parts.append(_text(place, f"{reach:.3f} m", STATUS[edge.status][0]))
+            parts.append(_turned(text, place, -90) if name == "width" else text)
     return parts
+
+
+def _beside(number: int, side: Floats, length: str, colour: str, pixels: Pixels) -> list[str]:
+    """Write a side's number within the top and its length without, along the side."""
+    ends = pixels(side)
+    along = ends[-1] - ends[0]
+    # The outline is counter-clockwise, pixels run down: the top lies to the left of its sides.
+    inward = np.array([along[1], -along[0]]) / max(float(np.linalg.norm(along)), 1e-9)
+    middle = (ends[0] + ends[-1]) / 2 if len(ends) == 2 else ends[len(ends) // 2]
+    parts = [_text(middle + LABEL * inward, str(number), NUMBER)]
+    if length:
+        place = middle - LABEL * inward
+        turn = math.degrees(math.atan2(along[1], along[0]))
+        upright = (turn + 90) % 180 - 90
+        parts.append(_turned(_text(place, length, colour), place, upright))
+    return parts
+
+
+def _turned(text: str, place: Floats, degrees: float) -> str:
+    turn = f' transform="rotate({degrees:.1f} {place[0]:.1f} {place[1]:.1f})"'
+    return text.replace("<text", f"<text{turn}", 1)
+
+
+def _reach(side: Floats) -> float:
+    return float(np.linalg.norm(np.diff(side, axis=0), axis=1).sum())
 
 
 def _leg(leg: TableLeg, number: int, pose: Pose2, pixels: Pixels, scale: float) -> str:
@@ -136,16 +162,20 @@ def _leg(leg: TableLeg, number: int, pose: Pose2, pixels: Pixels, scale: float) 
     )
     centre = pixels(local.translation)
     title = f"<title>leg {number}: {leg.shape}, {leg.status}</title>"
+    inward = pixels(np.zeros(2)) - centre
+    away = inward / max(float(np.linalg.norm(inward)), 1e-9)
+    reach = scale * max(sizes.values(), default=LEG_WITHOUT_SIZE) / 2
+    name = _text(centre + (reach + LABEL) * away, str(number), NUMBER)
     if leg.shape == "circle":
         radius = sizes.get("diameter", LEG_WITHOUT_SIZE) / 2 * scale
         return (
             f'<circle cx="{centre[0]:.1f}" cy="{centre[1]:.1f}" r="{radius:.1f}" {style}>'
-            f"{title}</circle>"
+            f"{title}</circle>{name}"
         )
     along = sizes.get("length", LEG_WITHOUT_SIZE)
     half = np.array([along, sizes.get("width", along)]) / 2
     corners = local.apply(half * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]))
-    return f'<polygon points="{_points(pixels(corners))}" {style}>{title}</polygon>'
+    return f'<polygon points="{_points(pixels(corners))}" {style}>{title}</polygon>{name}'
 
 
 def _stop(number: int, stop: Pose2, pixels: Pixels, *, used: bool) -> str:

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import bisect
-from collections.abc import Iterable
-
 import rerun as rr
 
 from tablemap.errors import ProcessWarning
 from tablemap.record import RunFailed, StageFinished, StageStarted
-from tablemap.review import colours, text
+from tablemap.review import colours, story, text
 from tablemap.review.stream import Stream
 
 BAR_WIDTH = 400.0
@@ -22,7 +19,7 @@ def log_started(stream: Stream, started: StageStarted) -> None:
     """Begin a stage: rows from here on belong to it (stage 0 is the opening of the recording)."""
     stream.stage = started.index + 1
     stream.scene.stages.append((started.name, None))
-    stream.at(stream.scene.start_ns)
+    stream.hold()
     stream.log_flat("log", rr.TextLog(f"{started.name} begins", level="DEBUG"))
 
 
@@ -34,6 +31,8 @@ def log_finished(stream: Stream, finished: StageFinished) -> None:
     stages.append((finished.name, finished.seconds))
     stream.scene.reached.add(finished.name)
     stream.hold()
+    message = f"{finished.name} ends after {finished.seconds:.2f} s"
+    stream.log_flat("log", rr.TextLog(message, level="DEBUG"))
     stream.text("timing/summary", text.timings(stages))
     _log_bars(stream, [(name, seconds) for name, seconds in stages if seconds is not None])
     stream.flush()
@@ -70,25 +69,18 @@ def log_failure(stream: Stream, failed: RunFailed) -> None:
     """Say in the summary and in the log that the run has no model, and why."""
     stream.scene.failed = True
     stream.hold()
-    stream.text("summary", text.failure(failed.stage, failed.message))
-    stream.log_flat("log", rr.TextLog(f"{failed.stage}: {failed.message}", level="ERROR"))
+    stream.text("summary", story.failure(failed.stage, failed.message))
+    if stream.config.level != "off":
+        stream.log_flat("log", rr.TextLog(f"{failed.stage}: {failed.message}", level="ERROR"))
     stream.flush()
 
 
-def log_warning(stream: Stream, warning: ProcessWarning) -> None:
-    """Log one warning at the time that it concerns."""
-    scene = stream.scene
+def log_warning(stream: Stream, warning: ProcessWarning, *, about: str = "") -> None:
+    """Log one warning at the time that it concerns; ``about`` says of which table it is."""
     if warning.stamp_ns is None:
         stream.hold()
     else:
-        nearest = bisect.bisect_right(scene.stamps_ns, warning.stamp_ns) - 1
-        stream.at(warning.stamp_ns, snapshot=max(nearest, 0))
+        stream.at(warning.stamp_ns, snapshot=stream.scene.snapshot_at(warning.stamp_ns))
     level = "WARN" if warning.code.startswith("accuracy.") else "INFO"
-    message = f"{warning.stage}: {warning.message} ({warning.code})"
+    message = f"{about}{warning.stage}: {warning.message} ({warning.code})"
     stream.log_flat("log", rr.TextLog(message, level=level))
-
-
-def log_warnings(stream: Stream, warnings: Iterable[ProcessWarning]) -> None:
-    """Log a result's warnings."""
-    for warning in warnings:
-        log_warning(stream, warning)

@@ -13,27 +13,28 @@ from tablemap.crosscheck import CrossCheck
 from tablemap.errors import ProcessWarning, TablemapError
 from tablemap.legs import Legs
 from tablemap.model import TableModel
-from tablemap.odometry import Odometry, OdometryScan
+from tablemap.odometry import Odometry, OdometryMap, OdometryScan
 from tablemap.outline import Outline
-from tablemap.record import OtherTable, RunFailed, StageFinished, StageStarted
+from tablemap.record import OfTable, OtherTable, RunFailed, StageFinished, StageStarted
 from tablemap.recording import Recording
-from tablemap.registration import Pair, PairIteration, Registration, StopScan
-from tablemap.review import progress, sensors, supports, text
+from tablemap.registration import PairIteration, PairStarted, Registration, StopScan
+from tablemap.review import progress, sensors, story, supports
 from tablemap.review.alignment import Alignment
 from tablemap.review.blueprint import blueprint
 from tablemap.review.crosscheck import log_cross_check
 from tablemap.review.motion import Motion
 from tablemap.review.perception import Perception
-from tablemap.review.solid import log_model, log_other_table
+from tablemap.review.solid import log_model
 from tablemap.review.stream import Stream
+from tablemap.review.tables import Tables
 from tablemap.review.top import Top
-from tablemap.segmentation import Segmentation
+from tablemap.segmentation import Segmentation, TablesFound
 from tablemap.snapshots import SetAside, Snapshots
 from tablemap.surface import Surface
 
 Draw = Callable[[Stream, Any], None]
-ALWAYS = (RunFailed, ProcessWarning, TableModel, OtherTable)
-"""What is drawn even where the level is ``off``: the model and how the run went."""
+ALWAYS = (RunFailed, TableModel, OtherTable)
+"""What is drawn even where the level is ``off``: the models, or that there is none."""
 
 
 class Reviewer:
@@ -47,14 +48,17 @@ class Reviewer:
         self, path: Path, *, run_id: str, recording_name: str, config: ReviewConfig
     ) -> None:
         self._stream = Stream(path, run_id=run_id, recording_name=recording_name, config=config)
+        self._warned: set[ProcessWarning] = set()
         perception, motion, alignment, top = Perception(), Motion(), Alignment(), Top()
+        tables = Tables()
 
         def draw_registration(stream: Stream, registration: Registration) -> None:
             top.take_poses(registration.map_from_base)
+            tables.take_poses(registration.map_from_base)
             alignment.log_registration(stream, registration)
 
         def draw_failure(stream: Stream, failed: RunFailed) -> None:
-            alignment.log_localised_stops(stream)
+            alignment.log_as_far_as_it_came(stream)
             progress.log_failure(stream, failed)
 
         self.places: dict[type, Draw] = {
@@ -66,22 +70,25 @@ class Reviewer:
             Snapshots: sensors.log_snapshots,
             SetAside: sensors.log_set_aside,
             Calibration: perception.log_calibration,
+            TablesFound: perception.log_tables_found,
             Segmentation: perception.log_segmentation,
             OdometryScan: motion.log_scan,
+            OdometryMap: motion.log_map,
             Odometry: motion.log_odometry,
             StopScan: alignment.log_stop_scan,
-            PairIteration: alignment.log_iteration,
-            Pair: alignment.log_pair,
+            PairStarted: alignment.pairs.start,
+            PairIteration: alignment.pairs.step,
             Registration: draw_registration,
             Outline: top.log_outline,
             Surface: top.log_surface,
             CrossCheck: log_cross_check,
             Legs: supports.log_legs,
             TableModel: log_model,
-            OtherTable: log_other_table,
+            OfTable: tables.log_result,
+            OtherTable: tables.log_outcome,
         }
         self._stream.hold()
-        self._stream.text("summary", text.running(recording_name))
+        self._stream.text("summary", story.running(recording_name))
         self._stream.rec.send_blueprint(blueprint(self._stream.scene))
         self._stream.flush()
 
@@ -97,22 +104,30 @@ class Reviewer:
             self._stream.open_recording(result)
         if self._stream.config.level != "off" or isinstance(result, ALWAYS):
             place(self._stream, result)
-        self._warn(result)
-        if isinstance(result, (Segmentation, TableModel, RunFailed)):
+            self._warn(result)
+        if isinstance(result, (Segmentation, Registration, TableModel, OtherTable, RunFailed)):
             self._stream.rec.send_blueprint(blueprint(self._stream.scene))
             self._stream.flush()
 
     def _warn(self, result: object) -> None:
-        """Log the warnings of a result, and those that the recording has gathered since."""
-        scene = self._stream.scene
-        if scene.recording is not None and isinstance(
-            result, (StageFinished, TableModel, RunFailed)
-        ):
-            gathered = scene.recording.warnings
-            progress.log_warnings(self._stream, gathered[scene.warnings_seen :])
-            scene.warnings_seen = len(gathered)
-        if not isinstance(result, (Recording, TableModel)):
-            progress.log_warnings(self._stream, getattr(result, "warnings", ()))
+        """Log the warnings of a result, and those that the recording has gathered since, once."""
+        if self._stream.config.level == "off":
+            return
+        about, warnings = "", [*getattr(result, "warnings", ())]
+        if isinstance(result, OfTable):
+            about = f"table {result.number:02d}, "
+            warnings = [*getattr(result.result, "warnings", ())]
+        elif isinstance(result, TableModel):
+            warnings = [
+                ProcessWarning(one.code, one.stage, one.message, one.stamp_ns)
+                for one in result.warnings
+            ]
+        elif isinstance(result, (StageFinished, RunFailed)) and self._stream.scene.recording:
+            warnings = [*self._stream.scene.recording.warnings]
+        for warning in warnings:
+            if about or warning not in self._warned:
+                progress.log_warning(self._stream, warning, about=about)
+            self._warned.add(warning)
 
     def close(self) -> None:
         """Write what is left and the footer; closing twice does nothing."""

@@ -6,13 +6,13 @@ The name below stands in each file as ``property:review:schema``, the entities a
 
 from __future__ import annotations
 
-SCHEMA = "tablemap/review/1"
+SCHEMA = "tablemap/review/2"
 
 TIMELINES = {
     "sensor_time": "the recording's clock, nanoseconds; what holds throughout is at its start",
     "snapshot": "number of the stop, from 0; results hold from 0 on",
     "stage": "0 while the recording is opened, then the pipeline's stages from 1",
-    "iteration": "of a pair's ICP; all else is at 0",
+    "iteration": "of the pairs' ICP, 0 where each began; all else is at 0",
 }
 
 ENTITIES = {
@@ -35,13 +35,21 @@ ENTITIES = {
     "/segmentation/candidates/*": "LineStrips3D: hulls of the chosen table and of the others",
     "/odometry/summary": "TextDocument",
     "/odometry/scan": "Points3D: scans where odometry put them, thinned in time",
-    "/odometry/threshold_m": "Scalars over sensor_time: KISS-ICP's adaptive threshold",
+    "/odometry/local_map": "Points3D: KISS-ICP's map at some times of the drive, thinned",
+    "/odometry/threshold_mm": "Scalars over sensor_time: the threshold of each scan",
+    "/odometry/correction_mm": "Scalars over sensor_time: where a scan ended against its prior",
     "/registration/summary": "TextDocument: pairs with residuals, checks of the stops",
     "/registration/before/*/NN": "Points3D by stop as localised: scan, top, clutter",
     "/registration/after/*/NN": "Points3D by stop as registered: scan, top, clutter",
+    "/registration/bases": "Arrows3D on the floor: the base at the stops as registered",
     "/registration/stops": "LineStrips3D: cameras as registered, labelled by number",
     "/registration/localised_stops": "LineStrips3D: cameras as localised",
     "/registration/iterations/*/*": "Scalars over iteration: fitness, rmse_mm, inliers by pair",
+    "/registration/pairs/summary": "TextDocument: what the entities below show",
+    "/registration/pairs/names": "Points3D in the frame pairs: a label a cell",
+    "/registration/pairs/*/target": "Points3D in the frame pairs: what was aligned to",
+    "/registration/pairs/*/source": "Points3D in a frame of its own: what was aligned",
+    "/registration/pairs/*/motion": "Transform3D of that frame over iteration; elsewhere its end",
     "/registration/graph": "GraphNodes, GraphEdges: stops by residual, used pairs",
     "/registration/graph_in_map/*": "LineStrips3D by kind of pair and whether it was used",
     "/registration/graph_before": "LineStrips3D: the stops before the graph was solved",
@@ -67,7 +75,7 @@ ENTITIES = {
     "/model/dimensions": "LineStrips3D labelled with name, value and sigma",
     "/model/dimensions/extensions": "LineStrips3D",
     "/model/uncertainty/*": "LineStrips3D: 95 % of place and sides, magnified as the summary says",
-    "/other_tables/NN/**": "summary, top and legs of a table beside the chosen one",
+    "/tables/NN/**": "summary, outline, surface, legs, model of a table beside the chosen one",
     "/timing/*": "seconds a stage, as text and as a 2D chart",
 }
 

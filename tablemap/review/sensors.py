@@ -11,7 +11,7 @@ from tablemap.recording.messages import Image, LaserScan
 from tablemap.review import colours
 from tablemap.review.clouds import raised
 from tablemap.review.images import colour_archetype, depth_archetype
-from tablemap.review.stream import Stream
+from tablemap.review.stream import Stream, sensor_times
 from tablemap.snapshots import SetAside, Snapshot, Snapshots
 
 SCAN_SEARCH_NS = 200_000_000
@@ -68,9 +68,9 @@ def _log_frames(
         bases.append(fixed_from_base)
         if odom_from_base is not None:
             odoms.append(odom_from_base)
-    times = np.array(kept, dtype=np.int64)
     if not kept:
         return
+    times = sensor_times(kept)
     if names.odom and names.odom != names.fixed:
         corrections = [base @ invert(odom) for base, odom in zip(bases, odoms, strict=True)]
         stream.transforms("tf/odom", names.fixed, names.odom, times, np.stack(corrections))

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import PIL.Image
 from rerun.experimental import ViewerClient
 
@@ -20,12 +21,22 @@ from tablemap.errors import ExternalToolError, TablemapError
 from tablemap.review.viewer import (
     LOOPBACK,
     free_port,
-    viewer_environment,
-    viewer_program,
+    launch,
     whole,
 )
 
-TABS = ("Overview", "Views", "Registration", "Surface", "Legs", "Timings")
+TABS = (
+    "Overview",
+    "Views",
+    "Odometry",
+    "Registration",
+    "Pairs",
+    "Surface",
+    "Legs",
+    "Timings",
+)
+TIMELINES = {"Odometry": "sensor_time", "Pairs": "iteration"}
+"""Where a tab's story is told; elsewhere it is over the snapshots."""
 LOAD_SECONDS = 90.0
 MOST_PICTURES = 15
 TRIES = 6
@@ -34,7 +45,7 @@ TRIES = 6
 def still(
     path: Path, out: Path, *, tab: str = "Overview", size: tuple[int, int] = (1000, 700)
 ) -> list[str]:
-    """Write a PNG of one tab (or of a tab within one) of a run folder's .rrd, at its last snapshot.
+    """Write a PNG of one tab (or of a tab within one) of a run folder's .rrd, at its end.
 
     Returns what the views report as errors, one line each. Raises `ExternalToolError` where the
     viewer is missing or cannot draw (it needs a Vulkan driver, such as Debian's
@@ -42,7 +53,7 @@ def still(
     """
     with whole(path) as file, _headless(file, size) as client:
         _show_tab(client, tab)
-        _show_last_snapshot(client)
+        _show_end(client, TIMELINES.get(tab, "snapshot"))
         previous = b""
         for _ in range(MOST_PICTURES):
             picture = _shoot(client)
@@ -68,16 +79,8 @@ def _smaller(picture: bytes) -> bytes:
 @contextmanager
 def _headless(file: Path, size: tuple[int, int]) -> Iterator[ViewerClient]:
     port = free_port()
-    environment = {"XDG_RUNTIME_DIR": "/tmp", **viewer_environment()}
-    command = [str(viewer_program()), "--headless", "--window-size", f"{size[0]}x{size[1]}"]
-    command += ["--bind", LOOPBACK, "--port", str(port), "--hide-welcome-screen", str(file)]
-    viewer = subprocess.Popen(
-        command,
-        env=environment,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
+    window = ["--headless", "--window-size", f"{size[0]}x{size[1]}", "--hide-welcome-screen"]
+    viewer = launch(*window, "--bind", LOOPBACK, "--port", str(port), str(file))
     try:
         yield _connected(viewer, port, file)
     finally:
@@ -119,7 +122,8 @@ def _show_tab(client: ViewerClient, tab: str) -> None:
                 if kind == "ContainerBlueprint":
                     containers[path.lstrip("/")] = archetypes[kind]
     if tab not in names:
-        raise TablemapError(f"expected a tab of {', '.join(TABS)}, found {tab!r}.")
+        there = ", ".join(one for one in (*TABS, "Tables") if one in names)
+        raise TablemapError(f"expected one of this run's tabs {there}, found {tab!r}.")
     child: str | None = names[tab]
     while child is not None:
         parent = next((p for p, c in containers.items() if child in c.get("contents", ())), None)
@@ -129,14 +133,19 @@ def _show_tab(client: ViewerClient, tab: str) -> None:
     client.set_blueprint(whole, of="recording")
 
 
-def _show_last_snapshot(client: ViewerClient) -> None:
+def _show_end(client: ViewerClient, name: str) -> None:
     state = client.get_state()
     for recording in state.recordings:
         if recording.store_id != state.active_recording:
             continue
         for timeline in recording.timelines:
-            if timeline.name == "snapshot" and timeline.end is not None:
-                client.set_time("snapshot", sequence=int(timeline.end), play_state="paused")
+            if timeline.name != name or timeline.end is None:
+                continue
+            if timeline.time_type == "timestamp":
+                end = np.datetime64(timeline.end, "ns")
+                client.set_time(name, timestamp=end, play_state="paused")
+            else:
+                client.set_time(name, sequence=timeline.end, play_state="paused")
 
 
 def _shoot(client: ViewerClient) -> bytes:

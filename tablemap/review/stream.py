@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import bisect
+import ctypes
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -21,14 +25,20 @@ HEAVY_BETWEEN_FLUSHES = 10
 FEW_STOPS = 15
 """Up to here stops are drawn large and with their numbers."""
 
+_abandoned: list[rr.RecordingStream] = []
+"""Streams whose files could not be written to the end; see `Stream`."""
+
 
 @dataclass
 class Scene:
     """What later results need of earlier ones to be drawn: small, whatever the recording's length.
 
     ``stamps_ns`` and ``localised`` are the snapshots' by index, ``tops`` and ``clutter`` their
-    thinned (n, 3) points in the base; ``centre`` (2,), ``extent`` (metres) and ``yaw`` the table's
-    place, size and heading as far as known; ``stages`` holds name and seconds (None while it runs).
+    thinned (n, 3) points in the base, z in the map; ``floor_z``, ``height`` (the top's) and
+    ``laser_height`` are z in the map, metres; ``centre`` (2,), ``extent`` (metres) and ``yaw`` the
+    table's place, size and heading as far as known; ``stages`` holds name and seconds (None while
+    it runs); ``tables`` what is known of those beside the chosen one, ``pairs_reach`` (metres) how
+    far the grid of aligned pairs extends.
     """
 
     names: FrameNames | None = None
@@ -40,6 +50,7 @@ class Scene:
     tops: dict[int, NDArray[np.float32]] = field(default_factory=dict)
     clutter: dict[int, NDArray[np.float32]] = field(default_factory=dict)
     laser_height: float = 0.1
+    floor_z: float = 0.0
     height: float = 0.0
     centre: tuple[float, float] | None = None
     extent: float = 1.0
@@ -48,8 +59,19 @@ class Scene:
     has_colour: bool = False
     stages: list[tuple[str, float | None]] = field(default_factory=list)
     reached: set[str] = field(default_factory=set)
-    warnings_seen: int = 0
     failed: bool = False
+    tables: dict[int, Scene] = field(default_factory=dict)
+    pairs_reach: float | None = None
+
+    def snapshot_at(self, stamp_ns: int) -> int:
+        """Return the number of the last snapshot taken by then; before the first, the first."""
+        return max(bisect.bisect_right(self.stamps_ns, stamp_ns) - 1, 0)
+
+
+def sensor_times(stamps_ns: Sequence[int] | NDArray[np.int64]) -> rr.TimeColumn:
+    """Return stamps as times of the recording's clock."""
+    stamps = np.asarray(stamps_ns, dtype=np.int64).astype("datetime64[ns]")
+    return rr.TimeColumn("sensor_time", timestamp=stamps)
 
 
 class Stream:
@@ -62,9 +84,11 @@ class Stream:
         self.config = config
         self.scene = Scene()
         self.stage = 0
+        self._below = ""
         self._frames: dict[str, str] = {}
         self._heavy = 0
         self._open = True
+        self._lost = False
         self.rec = rr.RecordingStream("tablemap", recording_id=run_id)
         self.rec.set_log_time_enabled(False)
         self.rec.set_log_tick_enabled(False)
@@ -107,18 +131,28 @@ class Stream:
         self.at(self.scene.start_ns, snapshot=0)
         self.rec.set_time("iteration", sequence=0)
 
+    @contextmanager
+    def within(self, path: str, scene: Scene) -> Iterator[None]:
+        """Let what is logged in this context stand below an entity, and be about another scene."""
+        outer = self._below, self.scene
+        self._below, self.scene = f"{path}/", scene
+        try:
+            yield
+        finally:
+            self._below, self.scene = outer
+
     def log(self, path: str, *what: rr.AsComponents, frame: str | None = None) -> None:
         """Log something in space, in a named frame (the fixed one if none is named)."""
-        named = frame or self.map_frame
-        if self._frames.get(path) != named:
-            self.rec.log(path, rr.CoordinateFrame(named), static=True)
-            self._frames[path] = named
+        named, entity = frame or self.map_frame, self._below + path
+        if self._frames.get(entity) != named:
+            self.rec.log(entity, rr.CoordinateFrame(named), static=True)
+            self._frames[entity] = named
         self.log_flat(path, *what)
 
     def log_flat(self, path: str, *what: rr.AsComponents) -> None:
         """Log something that has no place in space: text, plots, images."""
         for one in what:
-            self.rec.log(path, one)
+            self.rec.log(self._below + path, one)
             if isinstance(one, HEAVY):
                 self._heavy += 1
         if self._heavy >= HEAVY_BETWEEN_FLUSHES:
@@ -141,18 +175,20 @@ class Stream:
         )
 
     def transforms(
-        self, path: str, parent: str, child: str, stamps_ns: NDArray[np.int64], poses: Floats
+        self, path: str, parent: str, child: str, times: rr.TimeColumn, poses: Floats
     ) -> None:
-        """Log (n, 4, 4) poses ``parent_from_child`` over sensor time in one go."""
-        if len(stamps_ns) == 0:
-            return
-        times = rr.TimeColumn("sensor_time", timestamp=stamps_ns.astype("datetime64[ns]"))
+        """Log (n, 4, 4) poses ``parent_from_child`` over the n times in one go."""
         columns = rr.Transform3D.columns(
             translation=poses[:, :3, 3],
             mat3x3=poses[:, :3, :3],
             parent_frame=[parent] * len(poses),
             child_frame=[child] * len(poses),
         )
+        self.rec.send_columns(path, indexes=[times], columns=columns)
+
+    def plot(self, path: str, times: rr.TimeColumn, values: Floats) -> None:
+        """Log n numbers over the n times in one go."""
+        columns = rr.Scalars.columns(scalars=np.asarray(values, dtype=np.float64))
         self.rec.send_columns(path, indexes=[times], columns=columns)
 
     def flush(self) -> None:
@@ -162,12 +198,27 @@ class Stream:
         and reports no error of its own, hence the waiting.
         """
         self._heavy = 0
+        if self._lost:
+            raise TablemapError(f"the review file cannot be written any more: {self.path}")
         try:
             self.rec.flush(timeout_sec=FLUSH_SECONDS)
         except Exception as error:
+            self._abandon()
             raise TablemapError(
                 f"the review file cannot be written ({error}); is the disk full? {self.path}"
             ) from error
+
+    def _abandon(self) -> None:
+        """Let go of a file that takes no more rows.
+
+        Rerun would wait for its rows for ever: when it is told to disconnect, when the stream is
+        deleted and when the program ends. So it is told, deleted and asked no more.
+        """
+        self._lost, self._open = True, False
+        rr.unregister_shutdown()
+        _abandoned.append(self.rec)
+        for held in (_abandoned, self.rec, self.rec.inner):
+            ctypes.pythonapi.Py_IncRef(ctypes.py_object(held))
 
     def close(self) -> None:
         """Write what is left and the footer. Closing twice does nothing.
@@ -176,8 +227,6 @@ class Stream:
         """
         if not self._open:
             return
+        self.flush()
         self._open = False
-        try:
-            self.flush()
-        finally:
-            self.rec.disconnect()
+        self.rec.disconnect()

@@ -1,151 +1,25 @@
-"""Results as markdown tables, for the viewer's text panes."""
+"""The stages' results as markdown, for the viewer's text panes."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
 
 import numpy as np
 
 from tablemap.calibration import Calibration
 from tablemap.legs import Legs
-from tablemap.model import Dimension, Edge, Figure, TableModel
 from tablemap.odometry import Odometry
 from tablemap.outline import EdgeKind, Outline
 from tablemap.registration import Pair, Registration
-from tablemap.segmentation import Segmentation
+from tablemap.review.markdown import MOST_ROWS, figure, metres, table
+from tablemap.segmentation import Segmentation, TableCandidate
 from tablemap.surface import Surface
 
-MOST_ROWS = 60
-MOST_SIDES = 12
-ANGLES = {"angle"}
-LEAST_WEIGHT = 0.005
 LEGEND = (
     "Edge points: green the table's, orange where something stood before or on it, violet where "
-    "depth was missing. Sides: green measured, amber inferred, red unseen; beside them their 95 % "
-    "bands, magnified."
+    "depth was missing. Sides, numbered: green measured, amber inferred, red unseen; beside them "
+    "their 95 % bands, in the middle (blue) the place's, magnified as the summary says."
 )
-
-
-def table(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:
-    """Return a markdown table; a cell's bars and line breaks do not break it."""
-    lines = ["| " + " | ".join(header) + " |", "|" + " --- |" * len(header)]
-    for row in rows:
-        cells = (str(cell).replace("|", "/").replace("\n", " ") for cell in row)
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines)
-
-
-def metres(value: float, sigma: float | None) -> str:
-    """Write a length with its standard deviation, or say that there is none."""
-    return f"{value:.3f} m" + (f" ± {1000 * sigma:.1f} mm" if sigma is not None else "")
-
-
-def _figure(name: str, value: float, sigma: float | None) -> str:
-    if name in ANGLES:
-        spread = f" ± {np.degrees(sigma):.2f}°" if sigma is not None else ""
-        return f"{np.degrees(value):.2f}°{spread}"
-    return metres(value, sigma)
-
-
-def model(result: TableModel, *, magnified: tuple[float, float]) -> str:
-    """Return the summary of a finished run: verdict first.
-
-    ``magnified`` says how many times too large the place's ellipse and the sides' bands are drawn.
-    """
-    surface = result.surface
-    rows: list[tuple[object, ...]] = [
-        (name, _figure(name, one.value, one.sigma), one.status)
-        for name, one in surface.dimensions.items()
-    ]
-    if not rows and len(surface.edges) <= MOST_SIDES:
-        lengths = ", ".join(f"{_reach(edge):.3f}" for edge in surface.edges)
-        rows.append(("sides", f"{lengths} m", ""))
-    rows.append(("height", metres(surface.height.value, surface.height.sigma), ""))
-    rows.append(_optional("thickness", surface.thickness))
-    if surface.corner_radius is not None:
-        rows.append(_optional("corner radius", surface.corner_radius))
-    pose = surface.pose
-    deviations = np.sqrt(np.maximum(np.diag(np.array(pose.covariance)), 0.0))
-    lines = [
-        f"# {surface.shape.capitalize()}: {result.verdict.level}",
-        *[f"- {reason}" for reason in result.verdict.reasons],
-        "",
-        table(("figure", "value", "status"), rows),
-        "",
-        f"**Pose** in `{result.frame}`: x {metres(pose.x, float(deviations[0]))}, "
-        f"y {metres(pose.y, float(deviations[1]))}, "
-        f"yaw {np.degrees(pose.yaw):.2f} ± {np.degrees(float(deviations[2])):.2f}°",
-        "",
-        f"**Shape** {surface.shape} {surface.score:.2f}"
-        + "".join(
-            f", {other.shape} {other.score:.2f}"
-            for other in surface.alternatives
-            if other.score >= LEAST_WEIGHT
-        ),
-        "",
-        f"## {len(result.legs)} legs",
-    ]
-    if result.legs:
-        lines.append(
-            table(
-                ("leg", "x, y (m)", "size (mm)", "status"),
-                [
-                    (
-                        f"{k} {leg.shape}",
-                        f"{leg.x:.3f}, {leg.y:.3f}"
-                        + (f" ± {leg.position_sigma:.3f}" if leg.position_sigma else ""),
-                        " x ".join(f"{1000 * one.value:.0f}" for one in leg.dimensions.values()),
-                        leg.status,
-                    )
-                    for k, leg in enumerate(result.legs)
-                ],
-            )
-        )
-    used = sum(snapshot.used for snapshot in result.snapshots)
-    lines += ["", f"**Views** {used} used of {len(result.snapshots)}", ""]
-    unused = [(k, one.reason) for k, one in enumerate(result.snapshots) if not one.used]
-    if unused:
-        lines.append(table(("view not used", "reason"), unused[:MOST_ROWS]))
-    lines += ["", f"## {len(result.warnings)} warnings"]
-    if result.warnings:
-        lines.append(
-            table(
-                ("code", "message"),
-                [(one.code, one.message) for one in result.warnings[:MOST_ROWS]],
-            )
-        )
-    place, sides = magnified
-    lines += [
-        "",
-        f"On the top, 95 % intervals: the place's ellipse {place:.0f} times as large, "
-        f"the sides' bands {sides:.0f} times.",
-    ]
-    if surface.thickness is None:
-        lines.append("The thickness was not measured; the top is drawn 30 mm thick.")
-    return "\n".join(lines)
-
-
-def _reach(edge: Edge) -> float:
-    """Return a side's length in metres."""
-    return float(np.linalg.norm(np.diff(np.array(edge.points), axis=0), axis=1).sum())
-
-
-def _optional(name: str, figure: Figure | None) -> tuple[object, ...]:
-    if figure is None:
-        return name, "not measured", ""
-    status = figure.status if isinstance(figure, Dimension) else ""
-    return name, metres(figure.value, figure.sigma), status
-
-
-def failure(stage: str, message: str) -> str:
-    """Return the summary of a run that has no model."""
-    return f"# No model\n\nThe run ended in **{stage}**:\n\n> {message}\n"
-
-
-def running(recording: str) -> str:
-    """Return the summary of a run that has not ended: what a crash leaves behind."""
-    return f"# Running\n\n`{recording}`: the run has not ended, or was killed. No model yet.\n"
 
 
 def calibration(result: Calibration) -> str:
@@ -170,9 +44,9 @@ def calibration(result: Calibration) -> str:
     )
 
 
-def segmentation(result: Segmentation) -> str:
-    """Return the candidate tables and the views' verdicts."""
-    candidates = [
+def candidates(found: tuple[TableCandidate, ...]) -> str:
+    """Return the surfaces that could be meant, and what speaks against them."""
+    rows = [
         (
             f"{k}{' (chosen)' if one.chosen else ''}",
             f"{one.x:.2f}, {one.y:.2f}",
@@ -181,8 +55,23 @@ def segmentation(result: Segmentation) -> str:
             len(one.views),
             f"{one.weight:.2f}",
         )
-        for k, one in enumerate(result.candidates[:MOST_ROWS])
+        for k, one in enumerate(found[:MOST_ROWS])
     ]
+    return "\n".join(
+        [
+            table(("table", "x, y", "height", "m²", "views", "weight"), rows),
+            "",
+            *[
+                f"- table {k} was not taken: {one.reason}"
+                for k, one in enumerate(found[:MOST_ROWS])
+                if one.reason and not one.chosen
+            ],
+        ]
+    )
+
+
+def segmentation(result: Segmentation) -> str:
+    """Return the candidate tables and the views' verdicts."""
     views = [
         (
             view.index,
@@ -196,13 +85,7 @@ def segmentation(result: Segmentation) -> str:
     return "\n".join(
         [
             f"## Top at {metres(result.height, result.height_sigma)}",
-            table(("table", "x, y", "height", "m²", "views", "weight"), candidates),
-            "",
-            *[
-                f"- table {k} was not taken: {one.reason}"
-                for k, one in enumerate(result.candidates[:MOST_ROWS])
-                if one.reason
-            ],
+            candidates(result.candidates),
             "",
             table(("view", "sees it", "top pixels", "height", "reason"), views),
         ]
@@ -211,13 +94,19 @@ def segmentation(result: Segmentation) -> str:
 
 def odometry(result: Odometry) -> str:
     """Return what the odometry rests on."""
-    spread = np.sqrt(np.maximum(np.diag(result.covariance_per_metre), 0.0))
+    spread = np.sqrt(np.diag(result.covariance_over(1.0)))
     return "\n".join(
         [
             f"## Odometry from {result.source}",
             f"{result.scans_used} scans used, {result.scans_skipped} skipped. "
-            f"Error per metre: {1000 * max(spread[0], spread[1]):.1f} mm, "
-            f"{np.degrees(spread[2]):.2f}°.",
+            f"Error over a metre: {1000 * max(spread[0], spread[1]):.1f} mm, "
+            f"{np.degrees(spread[2]):.2f}°."
+            + (f" The wheels bridge {len(result.gaps)} gaps." if len(result.gaps) else ""),
+            "",
+            "Blue: the scan and the way by odometry; grey: what KISS-ICP had by then, its local "
+            "map; red: the way as localised; yellow: by the wheels. On the timeline `sensor_time` "
+            "they move, and the plots say how far each scan ended from where the prior had it, "
+            "and the threshold (the kernel's scale) that it was registered with.",
         ]
     )
 
@@ -228,6 +117,11 @@ def pair_residual(result: Registration, pair: Pair) -> float:
     registered = poses[pair.target].inverse() @ poses[pair.source]
     left = registered.inverse() @ pair.target_from_source
     return float(np.hypot(left.x, left.y))
+
+
+def worst_first(result: Registration) -> list[Pair]:
+    """Return the pairs, the dropped first, and of each the ones that fit worst."""
+    return sorted(result.pairs, key=lambda pair: (pair.used, -pair_residual(result, pair)))
 
 
 def registration(result: Registration) -> str:
@@ -241,7 +135,7 @@ def registration(result: Registration) -> str:
         )
         for one in result.checks[:MOST_ROWS]
     ]
-    ordered = sorted(result.pairs, key=lambda pair: (pair.used, -pair_residual(result, pair)))
+    ordered = worst_first(result)
     pairs = [
         (
             f"{one.source} to {one.target}",
@@ -262,7 +156,9 @@ def registration(result: Registration) -> str:
         [
             f"## Stops registered by {result.source}",
             f"{sum(result.used)} of {len(result.used)} used; systematic sigma "
-            f"{1000 * result.systematic:.1f} mm. Pairs: {said or 'none'}.",
+            f"{1000 * result.systematic:.1f} mm. Pairs: {said or 'none'}. Lines and stops of the "
+            "graph: green where the registered poses agree with the pairs, amber at 10 mm, red "
+            "from 20 mm on; grey: dropped.",
             "",
             table(
                 ("pair", "kind", "residual mm", "fitness", "rmse mm", "inliers", "result"), pairs
@@ -276,6 +172,16 @@ def registration(result: Registration) -> str:
             "",
             table(("stop", "check", "statistics", "reasons"), checks),
         ]
+    )
+
+
+def aligned(shown: int, pairs: int) -> str:
+    """Return what the view of the aligned pairs shows."""
+    return (
+        f"{shown} of {pairs} pairs, the dropped and the worst first, each in a cell of its own and "
+        "lying as its target does in the map. Grey: the target; green: the source, red where the "
+        "pair was dropped; beside few names the RMSE. On the timeline `iteration` the sources move "
+        "from where ICP began (0) to where it ended; on the others they are as they ended."
     )
 
 
@@ -308,8 +214,8 @@ def surface(result: Surface) -> str:
             f"{one.cost:.1f}",
             f"{100 * one.inlier_fraction:.0f} %",
             ", ".join(
-                f"{name} {_figure(name, figure.value, figure.sigma)}"
-                for name, figure in one.dimensions.items()
+                f"{name} {figure(name, size.value, size.sigma)}"
+                for name, size in one.dimensions.items()
             ),
         )
         for one in sorted(result.candidates, key=lambda one: -one.score)
@@ -331,11 +237,11 @@ def surface(result: Surface) -> str:
             f"Residuals of {len(finite)} edge points: half are within {median:.1f} mm, "
             f"95 % within {most:.1f} mm.",
             "",
-            LEGEND,
-            "",
             table(("shape", "weight", "cost", "inliers", "dimensions"), candidates),
             "",
             table(("side", "status", "seen", "sigma"), sides),
+            "",
+            LEGEND,
         ]
     )
 

@@ -11,7 +11,7 @@ from tablemap.outline import Outline, ViewEdges
 from tablemap.review import colours, text
 from tablemap.review.clouds import closed, raised, thinned
 from tablemap.review.stream import Stream
-from tablemap.surface import Surface
+from tablemap.surface import Surface, SurfaceEdge
 
 LIFT = 0.003
 RESIDUAL_LIMIT = 0.005
@@ -20,6 +20,7 @@ PLOT_HEIGHT = 100.0
 PLOT_LIMIT_MM = 10.0
 LABEL_DROP = 11.0  # the viewer writes labels this far below their points
 HISTOGRAM_BINS = 41
+ALL_SEEN = 0.995
 
 
 class Top:
@@ -35,7 +36,7 @@ class Top:
     def log_outline(self, stream: Stream, outline: Outline) -> None:
         """Log edge points by kind and view, and the height that each view has."""
         scene = stream.scene
-        scene.height = outline.height
+        scene.height = scene.floor_z + outline.height
         for index, height in outline.height_by_view.items():
             if index < len(scene.stamps_ns):
                 stream.at(scene.stamps_ns[index], snapshot=index)
@@ -78,7 +79,7 @@ class Top:
     def log_surface(self, stream: Stream, surface: Surface) -> None:
         """Log hull, candidates with their scores, and the chosen shape with its residuals."""
         scene = stream.scene
-        scene.height, scene.shape = surface.height.value, surface.shape
+        scene.height, scene.shape = scene.floor_z + surface.height.value, surface.shape
         if len(surface.outline):
             scene.centre, scene.yaw = (surface.pose.x, surface.pose.y), surface.pose.yaw
             away = surface.outline - np.array(scene.centre)
@@ -101,10 +102,7 @@ class Top:
                     [raised(edge.points, height + 2 * LIFT) for edge in surface.edges],
                     colors=[colours.STATUS.get(edge.status, colours.INK) for edge in surface.edges],
                     radii=rr.Radius.ui_points(1.2),
-                    labels=[
-                        f"{edge.status}, {100 * edge.seen_fraction:.0f} % seen"
-                        for edge in surface.edges
-                    ],
+                    labels=[_label(k, edge) for k, edge in enumerate(surface.edges)],
                     show_labels=len(surface.edges) <= 12,
                 ),
             )
@@ -119,6 +117,15 @@ class Top:
             )
             _log_unrolled(stream, surface)
             _log_histogram(stream, surface.residuals)
+
+
+def _label(number: int, edge: SurfaceEdge) -> str:
+    """Return a side's number and length, and what is to be known of a side not fully seen."""
+    length = float(np.linalg.norm(np.diff(edge.points, axis=0), axis=1).sum())
+    doubt = "" if edge.status == "measured" else f", {edge.status}"
+    is_partly_seen = 0 < edge.seen_fraction < ALL_SEEN
+    seen = f", {100 * edge.seen_fraction:.0f} % seen" if is_partly_seen else ""
+    return f"{number}: {length:.3f} m{doubt}{seen}"
 
 
 def _log_line(

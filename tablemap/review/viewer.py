@@ -25,8 +25,8 @@ FOOTER_TAIL = 64  # bytes at the end of a whole file in which its mark stands
 
 
 def viewer_environment() -> dict[str, str]:
-    """Return our environment, with the viewer's usage statistics off."""
-    return {**os.environ, "CI": "1"}
+    """Return our environment, with the viewer's usage statistics off, and a place for sockets."""
+    return {"XDG_RUNTIME_DIR": tempfile.gettempdir(), **os.environ, "CI": "1"}
 
 
 def viewer_program() -> Path:
@@ -42,6 +42,27 @@ def viewer_program() -> Path:
             "the Rerun Viewer is not installed; install it with `pip install rerun-sdk`."
         )
     return folder / name
+
+
+def launch(
+    *arguments: str, stdin: int | None = None, stderr: int = subprocess.DEVNULL
+) -> subprocess.Popen[bytes]:
+    """Start the viewer's program in a session of its own, silent unless a stream is asked for.
+
+    Raises `ExternalToolError` where there is none, or it cannot be started.
+    """
+    command = [str(viewer_program()), *arguments]
+    try:
+        return subprocess.Popen(
+            command,
+            env=viewer_environment(),
+            stdin=stdin,
+            stdout=subprocess.DEVNULL,
+            stderr=stderr,
+            start_new_session=True,
+        )
+    except OSError as error:
+        raise ExternalToolError(f"the Rerun Viewer cannot be started: {error}") from error
 
 
 def review_file(path: Path) -> Path:
@@ -134,15 +155,8 @@ def served(path: Path) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
     """
     with whole(path) as file:
         data, page = free_port(), free_port()
-        command = [str(viewer_program()), "--serve-web", "--bind", LOOPBACK, "--port", str(data)]
-        command += ["--web-viewer-port", str(page), str(file)]
-        server = subprocess.Popen(
-            command,
-            env=viewer_environment(),
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        )
+        ports = ["--port", str(data), "--web-viewer-port", str(page)]
+        server = launch("--serve-web", "--bind", LOOPBACK, *ports, str(file))
         try:
             deadline = time.monotonic() + SERVE_SECONDS
             while not (listens(data) and listens(page)):
@@ -165,17 +179,7 @@ def open_viewer(path: Path) -> subprocess.Popen[bytes]:
     file = review_file(path)
     if not is_whole(file):
         file = mended(file, Path(tempfile.mkdtemp(prefix="tablemap-")))
-    command = [str(viewer_program()), "--bind", LOOPBACK, "--port", "auto", str(file)]
-    try:
-        viewer = subprocess.Popen(
-            command,
-            env=viewer_environment(),
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            start_new_session=True,
-        )
-    except OSError as error:
-        raise ExternalToolError(f"the Rerun Viewer cannot be started: {error}") from error
+    viewer = launch("--bind", LOOPBACK, "--port", "auto", str(file), stderr=subprocess.PIPE)
     try:
         _, said = viewer.communicate(timeout=START_SECONDS)
     except subprocess.TimeoutExpired:

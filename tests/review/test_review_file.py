@@ -21,7 +21,7 @@ from tablemap.review.images import colour_archetype, depth_archetype, encode_dep
 from tablemap.review.schema import ENTITIES, SCHEMA, TIMELINES
 from tablemap.segmentation import Segmentation
 from tablemap.surface import Surface
-from tests.review import factory
+from tests.review import made_up
 
 STOPS = 8
 
@@ -35,7 +35,7 @@ def strict() -> None:
 @pytest.fixture(scope="module")
 def run() -> list[object]:
     """All results of a made-up run."""
-    return factory.results(stops=STOPS)
+    return made_up.results(stops=STOPS)
 
 
 @pytest.fixture(scope="module")
@@ -92,12 +92,17 @@ def test_the_story_is_complete(review: Path) -> None:
         "/segmentation/candidates/chosen",
         "/segmentation/candidates/others",
         "/odometry/scan",
-        "/odometry/threshold_m",
+        "/odometry/local_map",
+        "/odometry/threshold_mm",
+        "/odometry/correction_mm",
         "/registration/before/scan/03",
         "/registration/after/scan/03",
         "/registration/before/top/03",
         "/registration/after/top/03",
         "/registration/iterations/rmse_mm/05_to_04",
+        "/registration/pairs/05_to_03/target",
+        "/registration/pairs/05_to_03/source",
+        "/registration/pairs/05_to_03/motion",
         "/registration/graph_in_map/depth_dropped",
         "/registration/graph",
         "/outline/edges/table/03",
@@ -132,12 +137,7 @@ def test_the_schema_has_every_entity(review: Path) -> None:
     found = [path for path in rows(review) if not path.startswith("/__properties")]
     unsaid = [p for p in found if not any(pattern(one).fullmatch(p) for one in ENTITIES)]
     assert unsaid == []
-    elsewhere = {"/other_tables/NN/**"}  # a made-up run has one table
-    unmet = [
-        one
-        for one in ENTITIES
-        if one not in elsewhere and not any(pattern(one).fullmatch(p) for p in found)
-    ]
+    unmet = [one for one in ENTITIES if not any(pattern(one).fullmatch(p) for p in found)]
     assert unmet == []
     properties = [
         chunk.to_record_batch().to_pydict()
@@ -174,7 +174,7 @@ def test_results_are_on_all_timelines(review: Path) -> None:
 
 def test_sensor_time_is_exact(review: Path) -> None:
     """Stamps keep their nanoseconds."""
-    expected = {factory.START_NS + i * factory.STOP_NS + factory.STOP_NS // 2 for i in range(STOPS)}
+    expected = {made_up.START_NS + i * made_up.STOP_NS + made_up.STOP_NS // 2 for i in range(STOPS)}
     found: set[int] = set()
     for chunk in RrdReader(review).stream():
         if chunk.entity_path == "/camera/depth" and "sensor_time" in chunk.timeline_names:
@@ -185,14 +185,21 @@ def test_sensor_time_is_exact(review: Path) -> None:
 
 
 def test_levels_bound_the_size(run: list[object], review: Path, tmp_path: Path) -> None:
-    """A made-up lap of eight stops is small; ``off`` has summary and model alone."""
+    """A made-up lap of eight stops is small; ``off`` has summary and models alone."""
     off = write(tmp_path / "off.rrd", run, level="off")
     assert review.stat().st_size < 10e6
     assert off.stat().st_size < 0.2 * review.stat().st_size
     found = rows(off)
+    assert {path.split("/")[1] for path in found} == {
+        "",
+        "__properties",
+        "summary",
+        "model",
+        "tables",
+    }
     assert found["/model/top"] > 0
     assert found["/summary"] > 0
-    assert not any(path.startswith(("/camera/", "/segmentation/labels")) for path in found)
+    assert not any("/outline" in path or "/surface" in path for path in found)
 
 
 def test_full_carries_every_scan(run: list[object], review: Path, tmp_path: Path) -> None:
@@ -207,12 +214,81 @@ def test_a_failed_run_says_why(run: list[object], tmp_path: Path) -> None:
     failed = [*run[:until], RunFailed("registration", "no two views overlap")]
     path = write(tmp_path / "failed.rrd", failed)
     assert "/model/top" not in rows(path)
-    said = [
-        str(chunk.to_record_batch().column("TextDocument:text").to_pylist())
-        for chunk in RrdReader(path).stream()
-        if chunk.entity_path == "/summary"
-    ]
-    assert any("no two views overlap" in one for one in said)
+    assert any("no two views overlap" in str(one) for one in texts(path, "/summary"))
+
+
+def test_a_failed_choice_shows_what_there_was_to_choose(run: list[object], tmp_path: Path) -> None:
+    """Where no table is near enough, the candidates are drawn and listed."""
+    until = next(i for i, one in enumerate(run) if isinstance(one, Segmentation))
+    failed = [*run[:until], RunFailed("segmentation", "no table near 9 9")]
+    path = write(tmp_path / "failed.rrd", failed)
+    found = columns(path, "/segmentation/candidates/others", "LineStrips3D:labels")
+    assert len(found[-1]) == 2
+    assert "0.74 m high" in found[-1][0]
+    assert any("seen by one view" in str(one) for one in texts(path, "/segmentation/summary"))
+
+
+def test_a_pair_moves_from_its_start_to_its_end(review: Path) -> None:
+    """Over ``iteration`` the source's frame goes where ICP had it; elsewhere it is at the end."""
+    moved, ended = [], []
+    for chunk in RrdReader(review).stream():
+        if chunk.entity_path == "/registration/pairs/04_to_03/motion":
+            batch = chunk.to_record_batch().to_pydict()
+            places = [one[0] for one in batch["Transform3D:translation"]]
+            if chunk.timeline_names == ["iteration"]:
+                moved += sorted(zip(batch["iteration"], places, strict=True))
+            else:
+                ended += places
+    assert [step for step, _ in moved] == list(range(13))
+    away = [float(np.linalg.norm(np.subtract(place, moved[-1][1]))) for _, place in moved]
+    assert away[0] > 0.3
+    assert np.all(np.diff(away) <= 0)
+    assert ended == [moved[-1][1]]
+
+
+def test_other_tables_stand_below_their_number(review: Path) -> None:
+    """One with its model and how it came about, one with the reason why there is none."""
+    found = rows(review)
+    for path in (
+        "model/top",
+        "model/legs/03",
+        "model/dimensions",
+        "surface/chosen",
+        "legs/evidence",
+    ):
+        assert found[f"/tables/01/{path}"] > 0
+    assert "/tables/02/model/top" not in found
+    assert any("none of 8 views" in str(one) for one in texts(review, "/tables/02/summary"))
+    assert found["/model/legs/03"] == found["/tables/01/model/legs/03"]
+
+
+def test_warnings_are_logged_once_at_their_time(review: Path) -> None:
+    """A warning that a stage and the model both carry is one row, at the stop that it concerns."""
+    said = []
+    for chunk in RrdReader(review).stream():
+        if chunk.entity_path == "/log":
+            batch = chunk.to_record_batch().to_pydict()
+            snapshots = batch.get("snapshot", [None] * chunk.num_rows)
+            said += zip(snapshots, batch["TextLog:text"], strict=True)
+    doubts = [snapshot for snapshot, text in said if "a made-up doubt" in text[0]]
+    assert doubts == [5]
+    dropped = [snapshot for snapshot, text in said if "pair 5 to 3 dropped" in text[0]]
+    assert dropped == [5]
+
+
+def columns(path: Path, entity: str, name: str) -> list[list[object]]:
+    """The values of a component of an entity, row by row."""
+    found: list[list[object]] = []
+    for chunk in RrdReader(path).stream():
+        batch = chunk.to_record_batch()
+        if chunk.entity_path == entity and name in batch.schema.names:
+            found += batch.column(name).to_pylist()
+    return found
+
+
+def texts(path: Path, entity: str) -> list[list[object]]:
+    """The pages of text of an entity."""
+    return columns(path, entity, "TextDocument:text")
 
 
 def test_empty_results_are_drawn(run: list[object], tmp_path: Path) -> None:
@@ -220,7 +296,7 @@ def test_empty_results_are_drawn(run: list[object], tmp_path: Path) -> None:
     poor: list[object] = []
     for one in run:
         if isinstance(one, Surface):
-            poor.append(factory.emptied(one))
+            poor.append(made_up.emptied(one))
         elif isinstance(one, Segmentation):
             poor.append(replace(one, candidates=()))
         elif isinstance(one, Registration):

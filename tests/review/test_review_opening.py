@@ -2,57 +2,15 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
 import time
 import urllib.request
 from pathlib import Path
 
 import pytest
-from rerun.chunk import RrdReader
 
 from tablemap.config import ReviewConfig
 from tablemap.errors import ExternalToolError, TablemapError
-from tablemap.record import StageFinished
 from tablemap.review import Reviewer, live, viewer
-from tests.review import factory
-
-KILLED = ("segmentation", "registration", "surface")
-PARTS = {
-    "segmentation": "/segmentation/labels",
-    "registration": "/registration/after/scan/03",
-    "surface": "/surface/residuals",
-}
-
-
-def _write_and_die(path: Path, stage: str) -> None:
-    record = Reviewer(path, run_id="killed", recording_name="made up", config=ReviewConfig())
-    for one in factory.results(stops=4):
-        record(one)
-        if isinstance(one, StageFinished) and one.name == stage:
-            os.kill(os.getpid(), signal.SIGKILL)
-
-
-@pytest.mark.parametrize("stage", KILLED)
-def test_a_killed_run_opens_mended(stage: str, tmp_path: Path) -> None:
-    """After a real kill all finished stages are in a whole copy; the file itself is as it was."""
-    path = tmp_path / "run.rrd"
-    writer = multiprocessing.get_context("spawn").Process(target=_write_and_die, args=(path, stage))
-    writer.start()
-    writer.join(60)
-    assert writer.exitcode == -signal.SIGKILL
-    cut = path.read_bytes()
-    assert not viewer.is_whole(path)
-    with viewer.whole(tmp_path) as copy:
-        assert copy != path
-        assert viewer.is_whole(copy)
-        found = {chunk.entity_path for chunk in RrdReader(copy).stream()}
-    for done in KILLED[: KILLED.index(stage) + 1]:
-        assert PARTS[done] in found
-    assert "/model/top" not in found
-    assert path.read_bytes() == cut
-    assert not copy.exists()
 
 
 def test_a_whole_file_is_shown_as_it_is(tmp_path: Path) -> None:
@@ -108,7 +66,7 @@ def program(folder: Path, script: str) -> Path:
 def test_what_is_written_is_passed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All bytes arrive, those before the end while the file still grows."""
     copy = tmp_path / "copy"
-    monkeypatch.setattr(live, "viewer_program", lambda: program(tmp_path, f"cat > {copy}"))
+    monkeypatch.setattr(viewer, "viewer_program", lambda: program(tmp_path, f"cat > {copy}"))
     path = tmp_path / "run.rrd"
     with live.followed(path):
         path.write_bytes(b"first")
@@ -126,7 +84,7 @@ def test_a_viewer_that_ends_or_hangs_costs_little(
     script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The run goes on as if nobody looked."""
-    monkeypatch.setattr(live, "viewer_program", lambda: program(tmp_path, script))
+    monkeypatch.setattr(viewer, "viewer_program", lambda: program(tmp_path, script))
     monkeypatch.setattr(live, "LAST_SECONDS", 0.3)
     path = tmp_path / "run.rrd"
     path.write_bytes(bytes(5_000_000))
@@ -140,7 +98,7 @@ def test_a_viewer_without_a_screen_is_said_at_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An error, within a second or so, that the command turns into a warning."""
-    monkeypatch.setattr(live, "viewer_program", lambda: program(tmp_path, "exit 1"))
+    monkeypatch.setattr(viewer, "viewer_program", lambda: program(tmp_path, "exit 1"))
     began = time.monotonic()
     with pytest.raises(ExternalToolError, match="screen"):
         live.start_viewer(viewer.free_port())

@@ -15,7 +15,7 @@ from tablemap.record import RunFailed
 from tablemap.review.page import Page
 from tablemap.review.plan import plan
 from tablemap.surface import Surface
-from tests.review import factory
+from tests.review import made_up
 
 VOID = {"meta", "br"}
 
@@ -23,7 +23,7 @@ VOID = {"meta", "br"}
 @pytest.fixture(scope="module")
 def run() -> list[object]:
     """All results of a made-up run."""
-    return factory.results(stops=8)
+    return made_up.results(stops=8)
 
 
 @pytest.fixture(scope="module")
@@ -99,6 +99,15 @@ def test_the_page_has_the_model_and_needs_no_network(run: list[object], model: T
         assert warning.code in html
 
 
+def test_the_other_tables_have_a_line_each(run: list[object]) -> None:
+    """What they are, or why there is no model of them."""
+    html = page(run)
+    others = html[html.index("Other tables") : html.index("Where this comes from")]
+    assert "rectangle 0.900 x 0.600" in others
+    assert "none of 8 views shows enough of it" in others
+    assert html.count("<h1>") == 1
+
+
 def test_a_failed_run_says_what_failed() -> None:
     """The stage and the sentence come first; there is no drawing."""
     html = page([RunFailed("registration", "ignored")], status="failed", error="no <two> views")
@@ -157,5 +166,5 @@ def test_poor_results_make_a_page(model: TableModel, run: list[object]) -> None:
     """No outline, no legs, no stops, no residuals."""
     surface = model.surface.model_copy(update={"outline": (), "edges": (), "dimensions": {}})
     poor = model.model_copy(update={"surface": surface, "legs": (), "snapshots": ()})
-    emptied = [factory.emptied(one) for one in run if isinstance(one, Surface)]
+    emptied = [made_up.emptied(one) for one in run if isinstance(one, Surface)]
     assert "no outline" in page([*emptied, poor], status="partial", error="cut <short>")

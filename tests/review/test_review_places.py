@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import inspect
 import pkgutil
@@ -78,6 +79,39 @@ def test_events_have_places(stage: str, reviewer: Reviewer) -> None:
     for module in modules(stage):
         missing = [one.__name__ for one in events(module) if one not in reviewer.places]
         assert not missing, f"no place for {missing} of {module.__name__}"
+
+
+def recorded() -> set[str]:
+    """The names of all that the package makes in a call of ``record``."""
+    package = Path(tablemap.record.__file__).parent
+    calls = [
+        node
+        for file in package.rglob("*.py")
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+    ]
+    made = [
+        argument.func.id
+        for call in calls
+        if isinstance(call.func, ast.Name) and call.func.id == "record"
+        for argument in call.args
+        if isinstance(argument, ast.Call) and isinstance(argument.func, ast.Name)
+    ]
+    return set(made)
+
+
+def test_all_that_is_recorded_has_a_place(reviewer: Reviewer) -> None:
+    """No call of ``record`` in the package hands on what nobody draws, and events are recorded."""
+    found = recorded()
+    assert {"OdometryScan", "PairIteration", "TablesFound", "StageFinished"} <= found
+    assert found <= {one.__name__ for one in reviewer.places}
+    promised = {
+        one.__name__
+        for stage in pipeline.STAGES
+        for module in modules(stage)
+        for one in events(module)
+    }
+    assert promised <= found
 
 
 def test_the_run_itself_has_places(reviewer: Reviewer) -> None:

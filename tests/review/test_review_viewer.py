@@ -17,7 +17,7 @@ from tablemap.errors import ExternalToolError, TablemapError
 from tablemap.review import Reviewer, viewer
 from tablemap.review.page import Page
 from tablemap.review.still import TABS, still
-from tests.review import factory
+from tests.review import made_up
 
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 MANIFEST = {
@@ -69,11 +69,11 @@ def test_every_tab_shows_something(tmp_path: Path) -> None:
     """In the real viewer no view reports an error, and no tab is empty."""
     path = tmp_path / "run.rrd"
     with Reviewer(path, run_id="tabs", recording_name="made up", config=ReviewConfig()) as record:
-        for one in factory.results():
+        for one in made_up.results():
             record(one)
     with pytest.raises(TablemapError, match="Overview"):
         still(path, tmp_path / "none.png", tab="Nonsense")
-    for tab in TABS:
+    for tab in (*TABS, "Tables"):
         picture = tmp_path / f"{tab}.png"
         assert still(path, picture, tab=tab) == []
         pixels = np.asarray(PIL.Image.open(picture).convert("RGB"), dtype=np.float64)
@@ -85,7 +85,7 @@ def test_every_tab_shows_something(tmp_path: Path) -> None:
 def test_the_page_is_drawn_by_a_browser_without_a_network(tmp_path: Path) -> None:
     """report.html is not empty, and its drawing is in it."""
     page = Page()
-    for one in factory.results():
+    for one in made_up.results():
         page(one)
     manifest = Manifest.model_validate(MANIFEST)
     file = tmp_path / "report.html"
@@ -99,7 +99,7 @@ def test_the_web_view_is_drawn_by_a_browser(tmp_path: Path) -> None:
     """The viewer's page draws the run; it is not let to ask other machines for anything."""
     path = tmp_path / "run.rrd"
     with Reviewer(path, run_id="web", recording_name="made up", config=ReviewConfig()) as record:
-        for one in factory.results():
+        for one in made_up.results():
             record(one)
     with viewer.served(path) as (url, _):
         assert browse(url, tmp_path / "web.png", seconds=100).std() > 10

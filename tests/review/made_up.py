@@ -11,21 +11,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tablemap import model as m
+from tablemap import pipeline
 from tablemap.calibration import Calibration
 from tablemap.crosscheck import CrossCheck
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats, Pose2
 from tablemap.legs import Leg, Legs, RejectedCluster
-from tablemap.odometry import Odometry, OdometryScan, Trajectory
+from tablemap.odometry import Odometry, OdometryMap, OdometryScan, Trajectory
 from tablemap.outline import EdgeKind, Outline, ViewEdges
-from tablemap.record import StageFinished, StageStarted
+from tablemap.record import OfTable, OtherTable, StageFinished, StageStarted
 from tablemap.recording import DepthFrame, FrameNames, Recording
 from tablemap.recording.messages import CompressedImage, Image, LaserScan
-from tablemap.registration import Pair, PairIteration, Registration, StopCheck, StopScan
+from tablemap.registration import (
+    Pair,
+    PairIteration,
+    PairStarted,
+    Registration,
+    StopCheck,
+    StopScan,
+)
 from tablemap.review.images import encode_depth
-from tablemap.segmentation import Label, Segmentation, TableCandidate, ViewSegmentation
+from tablemap.segmentation import (
+    Label,
+    Segmentation,
+    TableCandidate,
+    TablesFound,
+    ViewSegmentation,
+)
 from tablemap.snapshots import Camera, SetAside, Snapshot, Snapshots
 from tablemap.surface import Figure, Primitive, Surface, SurfaceEdge
+from tests.factory import rectangle_model
 
 Made = TypeVar("Made", bound=Any)
 START_NS = 1_600_000_000_123_456_789
@@ -35,16 +50,6 @@ TABLE = Pose2(1.5, -0.4, 0.35)
 ROOM = 3.0
 CAMERA = Camera(width=320, height=240, fx=269.0, fy=269.0, cx=159.5, cy=119.5)
 LASER_HEIGHT = 0.18
-STAGES = (
-    "snapshots",
-    "calibration",
-    "segmentation",
-    "odometry",
-    "registration",
-    "outline",
-    "surface",
-    "legs",
-)
 
 
 def filled(kind: type[Made], *values: object) -> Made:
@@ -248,20 +253,22 @@ def results(*, stops: int = 8, seed: int = 1) -> list[object]:
         shots,
         (),
     )
-    parts = [
+    segmented = _segmentation(recording, shots)
+    outlined, surface, legs = _outline(poses, rng), _surface(poses, rng), _legs(rng)
+    parts: list[list[object]] = [
         [taken],
         [calibration],
-        [_segmentation(recording, shots)],
+        [TablesFound(segmented.candidates), segmented],
         _odometry(recording, poses),
         _registration(recording, poses, rng),
-        [_outline(poses, rng)],
-        [_surface(poses, rng), _cross_check()],
-        [_legs(rng)],
+        [outlined],
+        [surface, _cross_check()],
+        [legs],
     ]
     run: list[object] = [recording]
-    for index, (name, part) in enumerate(zip(STAGES, parts, strict=True)):
+    for index, (name, part) in enumerate(zip(pipeline.STAGES, parts, strict=True)):
         run += [StageStarted(name, index), *part, StageFinished(name, index, 0.3 + 0.2 * index)]
-    return [*run, table_model(recording, poses)]
+    return [*run, table_model(recording, poses), *beside(outlined, surface, legs)]
 
 
 def _segmentation(recording: MadeUpRecording, shots: tuple[Snapshot, ...]) -> Segmentation:
@@ -331,7 +338,10 @@ def _odometry(recording: MadeUpRecording, poses: tuple[Pose2, ...]) -> list[obje
             np.column_stack([np.cos(beams.angles), np.sin(beams.angles)]) * beams.ranges[:, None]
         )
         placed = (pose @ Pose2(0.17, 0, 0)).apply(points)
-        events.append(filled(OdometryScan, stamp, pose, placed, 0.05 + 0.02 * np.sin(i / 9)))
+        threshold = 0.05 + 0.02 * float(np.sin(i / 9))
+        events.append(OdometryScan(stamp, pose, placed, threshold, 0.004))
+        if i % 10 == 0:
+            events.append(OdometryMap(stamp, placed))
     result = filled(
         Odometry,
         Trajectory(stamps, drive + np.array([0.02, 0.01, 0.0])),
@@ -340,7 +350,7 @@ def _odometry(recording: MadeUpRecording, poses: tuple[Pose2, ...]) -> list[obje
         "laser",
         len(stamps),
         2,
-        np.diag([1e-5, 1e-5, 1e-6]),
+        np.zeros((0, 2), dtype=np.int64),
         (),
     )
     return [*events, result]
@@ -368,6 +378,12 @@ def _registration(
             other = target % stops
             used = (source, other) != (5, 3)
             measured = poses[other].inverse() @ poses[source] @ Pose2(*(rng.normal(size=3) * 0.002))
+            clouds = [
+                np.column_stack([scans[i].points, np.zeros(len(scans[i].points))])
+                for i in (source, other)
+            ]
+            start = measured @ Pose2(0.3, -0.2, 0.1)
+            events.append(PairStarted(source, other, start, *clouds))
             for k in range(12):
                 rmse = 0.004 + 0.03 * np.exp(-k / 3) if used else 0.03
                 events.append(
@@ -376,7 +392,7 @@ def _registration(
                         source,
                         other,
                         k,
-                        measured,
+                        measured @ Pose2(*(np.array([0.3, -0.2, 0.1]) * 0.5 ** (k + 1))),
                         1 - 0.6 * np.exp(-k / 2),
                         rmse,
                         900 + 20 * k,
@@ -397,7 +413,6 @@ def _registration(
                 used,
                 reason,
             )
-            events.append(pair)
             pairs.append(pair)
     used_stops = tuple(i != 5 for i in range(stops))
     checks = tuple(
@@ -543,7 +558,10 @@ def _surface(poses: tuple[Pose2, ...], rng: np.random.Generator) -> Surface:
 
 def leg_places() -> Floats:
     """Four places under the top's corners."""
-    return TABLE.apply(np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * np.array([0.52, 0.32]))
+    return TABLE.apply(
+        np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+        * np.array([LENGTH / 2 - 0.07, WIDTH / 2 - 0.07])
+    )
 
 
 def _cross_check() -> CrossCheck:
@@ -597,74 +615,49 @@ def _legs(rng: np.random.Generator) -> Legs:
 
 
 def table_model(recording: MadeUpRecording, poses: tuple[Pose2, ...]) -> m.TableModel:
-    """The finished model."""
-    corners = outline()
-    statuses = ("measured", "measured", "inferred", "unseen")
-    point = tuple[float, float]
-    ring: tuple[point, ...] = tuple((float(x), float(y)) for x, y in corners)
-    return m.TableModel(
-        frame="map",
-        floor_z=0.0,
-        surface=m.TableSurface(
-            shape="rectangle",
-            pose=m.SurfacePose(
-                x=TABLE.x,
-                y=TABLE.y,
-                yaw=TABLE.yaw,
-                covariance=((1e-6, 0.0, 0.0), (0.0, 4e-6, 0.0), (0.0, 0.0, 1e-6)),
-            ),
-            height=m.Figure(value=HEIGHT, sigma=0.001),
-            thickness=None,
-            dimensions={
-                "length": m.Dimension(value=LENGTH, sigma=0.002, status="measured"),
-                "width": m.Dimension(value=WIDTH, sigma=0.0015, status="inferred"),
-            },
-            corner_radius=None,
-            outline=ring,
-            edges=tuple(
-                m.Edge(
-                    points=(ring[k], ring[(k + 1) % 4]),
-                    status=statuses[k],
-                    sigma=0.001 if k < 3 else None,
-                    seen_fraction=0.9,
-                )
-                for k in range(4)
-            ),
-            score=0.98,
-            alternatives=(m.Alternative(shape="parallelogram", score=0.02),),
-        ),
-        legs=tuple(
-            m.TableLeg(
-                shape="circle",
-                x=float(x),
-                y=float(y),
-                yaw=0.0,
-                status="measured",
-                position_sigma=0.002,
-                dimensions={"diameter": m.Dimension(value=0.05, sigma=0.001, status="measured")},
-            )
-            for x, y in leg_places()
-        ),
-        snapshots=tuple(
-            m.SnapshotPose(
-                stamp_ns=recording.stamp(i),
-                map_from_base=m.PlanarPose(x=pose.x, y=pose.y, yaw=pose.yaw),
-                sigma=m.PoseSigma(xy=0.001, yaw=0.001),
-                used=i != 5,
-                reason=None if i != 5 else "edges 31 mm apart",
-            )
-            for i, pose in enumerate(poses)
-        ),
-        verdict=m.Verdict(level="doubtful", reasons=("one side of the top was not seen",)),
-        warnings=(
-            m.WarningEntry(
-                code="recording.topic_choice",
-                stage="recording",
-                message="two depth topics",
-                stamp_ns=None,
-            ),
-        ),
+    """The finished model: one side not seen, one stop not used."""
+    model = rectangle_model(
+        x=TABLE.x, y=TABLE.y, yaw=TABLE.yaw, length=LENGTH, width=WIDTH, height=HEIGHT
     )
+    statuses = ("measured", "measured", "inferred", "unseen")
+    edges = tuple(
+        edge.model_copy(update={"status": status, "sigma": None if status == "unseen" else 0.001})
+        for edge, status in zip(model.surface.edges, statuses, strict=True)
+    )
+    width = m.Dimension(value=WIDTH, sigma=0.0015, status="inferred")
+    dimensions = {**model.surface.dimensions, "width": width}
+    return model.model_copy(
+        update={
+            "surface": model.surface.model_copy(update={"edges": edges, "dimensions": dimensions}),
+            "snapshots": tuple(
+                m.SnapshotPose(
+                    stamp_ns=recording.stamp(i),
+                    map_from_base=m.PlanarPose(x=pose.x, y=pose.y, yaw=pose.yaw),
+                    sigma=m.PoseSigma(xy=0.001, yaw=0.001),
+                    used=i != 5,
+                    reason=None if i != 5 else "edges 31 mm apart",
+                )
+                for i, pose in enumerate(poses)
+            ),
+            "verdict": m.Verdict(level="doubtful", reasons=("one side of the top was not seen",)),
+            "warnings": (
+                m.WarningEntry(
+                    code="recording.topic_choice",
+                    stage="recording",
+                    message="two depth topics",
+                    stamp_ns=None,
+                ),
+            ),
+        }
+    )
+
+
+def beside(outlined: Outline, surface: Surface, legs: Legs) -> list[object]:
+    """What a run hands on of two more tables: one that is modelled, one that is not."""
+    parts = [OfTable(1, one) for one in (outlined, surface, _cross_check(), legs)]
+    model = rectangle_model(x=TABLE.x + 1.6, y=TABLE.y + 1.2, length=0.9, width=0.6, height=0.5)
+    failure = "none of 8 views shows enough of it"
+    return [*parts, OtherTable(1, model), OtherTable(2, failure)]
 
 
 def emptied(surface: Surface) -> Surface:

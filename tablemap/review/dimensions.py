@@ -1,0 +1,118 @@
+"""Dimension lines with their numbers beside a table."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+import shapely
+
+from tablemap.geometry import Floats, Pose2
+from tablemap.model import Figure, TableModel
+from tablemap.review import colours
+from tablemap.review.stream import Stream
+
+DIMENSION_OFFSET = 0.18
+TICK = 0.04  # extension lines pass the dimension lines by so much
+MOST_LABELLED_EDGES = 12
+
+
+def log_dimensions(stream: Stream, model: TableModel, outline: Floats, top: float) -> None:
+    """Log the named lengths, or a polygon's sides, and the height ``top`` above the floor."""
+    lines: list[Floats] = []
+    labels: list[str] = []
+    tints: list[colours.Colour] = []
+    for name, ends in _spans(model).items():
+        figure = model.surface.dimensions[name]
+        lines.append(np.column_stack([ends, [top, top]]))
+        labels.append(f"{name} {_written(figure)}")
+        tints.append(colours.STATUS[figure.status])
+    extensions = _extensions(lines, outline, top)
+    if not lines and len(model.surface.edges) <= MOST_LABELLED_EDGES:
+        polygon = shapely.Polygon(outline)
+        for edge in model.surface.edges:
+            side = np.array(edge.points, dtype=np.float64)
+            reach = float(np.linalg.norm(np.diff(side, axis=0), axis=1).sum())
+            beside = _beside(side, polygon)
+            lines.append(np.column_stack([beside, np.full(len(side), top)]))
+            labels.append(f"{reach:.3f} m")
+            tints.append(colours.STATUS[edge.status])
+    foot = _lowest_corner(model, outline)
+    lines.append(np.array([[*foot, model.floor_z], [*foot, top]]))
+    labels.append(f"height {_written(model.surface.height)}")
+    tints.append(colours.INK)
+    stream.log(
+        "model/dimensions",
+        rr.LineStrips3D(
+            lines, labels=labels, colors=tints, radii=rr.Radius.ui_points(2.0), show_labels=True
+        ),
+    )
+    if extensions:
+        stream.log(
+            "model/dimensions/extensions",
+            rr.LineStrips3D(extensions, colors=[colours.MUTED], radii=rr.Radius.ui_points(0.8)),
+        )
+
+
+def _extensions(lines: list[Floats], outline: Floats, top: float) -> list[Floats]:
+    """Return the thin lines from the outline's nearest corners past the dimension lines' ends."""
+    extensions = []
+    for end in (end for line in lines for end in line[:, :2]):
+        corner = outline[np.argmin(np.linalg.norm(outline - end, axis=1))]
+        away = float(np.linalg.norm(end - corner))
+        if away > TICK:
+            past = end + TICK * (end - corner) / away
+            extensions.append(np.column_stack([[corner, past], [top, top]]))
+    return extensions
+
+
+def _beside(side: Floats, polygon: shapely.Polygon) -> Floats:
+    """Return a side (n, 2) moved a third of the dimension lines' distance out of the polygon."""
+    along = side[-1] - side[0]
+    out = np.array([along[1], -along[0]]) / max(float(np.linalg.norm(along)), 1e-9)
+    if polygon.contains(shapely.Point(side.mean(axis=0) + 0.01 * out)):
+        out = -out
+    return np.asarray(side + out * DIMENSION_OFFSET / 3)
+
+
+def _written(figure: Figure) -> str:
+    if figure.sigma is None:
+        return f"{figure.value:.3f} m"
+    return f"{figure.value:.3f} m ± {1000 * figure.sigma:.1f} mm"
+
+
+def _lowest_corner(model: TableModel, outline: Floats) -> Floats:
+    """Return where the height is drawn: beside the outline's corner where its length begins."""
+    centre = np.array([model.surface.pose.x, model.surface.pose.y])
+    towards = Pose2(0, 0, model.surface.pose.yaw).rotate(np.array([-1.0, -1.0]))
+    corner = outline[np.argmax((outline - centre) @ towards)]
+    away = corner - centre
+    return np.asarray(corner + DIMENSION_OFFSET * away / max(float(np.linalg.norm(away)), 1e-9))
+
+
+def _spans(model: TableModel) -> dict[str, Floats]:
+    """Return for each named length of the top its two ends (2, 2) in the map, beside the top."""
+    surface = model.surface
+    sizes = {name: figure.value for name, figure in surface.dimensions.items()}
+    pose = Pose2(surface.pose.x, surface.pose.y, surface.pose.yaw)
+    local: dict[str, list[list[float]]] = {}
+    if surface.shape in ("rectangle", "square", "parallelogram"):
+        side = sizes.get("side")
+        length, width = sizes.get("length", side), sizes.get("width", side)
+        if length is None or width is None:
+            return {}
+        angle = sizes.get("angle", np.pi / 2)
+        across = np.array([np.cos(angle), np.sin(angle)]) * width / 2
+        along = np.array([length / 2, 0.0])
+        low = np.array([0.0, -DIMENSION_OFFSET])
+        right = np.array([np.sin(angle), -np.cos(angle)]) * DIMENSION_OFFSET
+        first = np.array([-along - across + low, along - across + low])
+        second = np.array([along - across + right, along + across + right])
+        if side is not None:
+            return {"side": pose.apply(first)}
+        return {"length": pose.apply(first), "width": pose.apply(second)}
+    if surface.shape == "circle" and "diameter" in sizes:
+        local["diameter"] = [[-sizes["diameter"] / 2, 0], [sizes["diameter"] / 2, 0]]
+    if surface.shape == "ellipse" and {"major", "minor"} <= sizes.keys():
+        local["major"] = [[-sizes["major"] / 2, 0], [sizes["major"] / 2, 0]]
+        local["minor"] = [[0, -sizes["minor"] / 2], [0, sizes["minor"] / 2]]
+    return {name: pose.apply(np.array(ends)) for name, ends in local.items()}

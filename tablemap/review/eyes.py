@@ -1,0 +1,142 @@
+"""Where the viewer looks from, so that what matters is in the picture and large."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from tablemap.review.pairs import FRAME
+from tablemap.review.stream import Scene
+
+ROUND = 2.3
+"""Distance of the eye, in multiples of what it shows, for a view of the stops round the table."""
+NEAR = 2.7
+"""The same for a view of the table alone."""
+WHOLE = 3.3
+"""The same, so that the table is in the picture whole, with its numbers."""
+ABOVE = 2.1
+"""The same for the grid of pairs, from straight above."""
+MOST_ROUND = 4.0
+EYE_ASIDE = 0.3  # radians from straight before the table: two of its sides are told apart
+MOST_ASIDE = 0.9
+
+Override = rrb.EntityBehavior | rr.LineStrips3D | rr.Points3D
+
+
+def round_table(
+    scene: Scene,
+    name: str,
+    contents: list[str],
+    *,
+    steepness: float,
+    reach: float = 0.0,
+    aside: float = 0.0,
+    overrides: Mapping[rr.datatypes.EntityPath | str, Override] | None = None,
+) -> rrb.Spatial3DView:
+    """Return a 3D view of the table and the stops round it; see `_space`."""
+    reach = max(ROUND * _surround(scene), reach)
+    return _space(scene, name, contents, _middle(scene), reach, steepness, aside, overrides)
+
+
+def of_table(
+    scene: Scene, name: str, contents: list[str], *, steepness: float, reach: float = NEAR
+) -> rrb.Spatial3DView:
+    """Return a 3D view of the table alone; see `_space`."""
+    place = scene.centre or (0.0, 0.0)
+    return _space(scene, name, contents, place, reach * scene.extent, steepness)
+
+
+def of_pairs(scene: Scene, name: str) -> rrb.Spatial3DView:
+    """Return the view of all aligned pairs side by side, from above."""
+    height = ABOVE * (scene.pairs_reach or 1.0)
+    return rrb.Spatial3DView(
+        name=name,
+        origin="/registration/pairs",
+        spatial_information=rrb.SpatialInformation(target_frame=FRAME),
+        line_grid=rrb.LineGrid3D(visible=False),
+        eye_controls=rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital,
+            position=(0.0, -0.1 * height, height),
+            look_target=(0.0, 0.0, 0.0),
+            eye_up=(0.0, 0.0, 1.0),
+        ),
+    )
+
+
+def between_stops(scene: Scene) -> float:
+    """Return how far aside (radians) the eye stands, so that no stop hides the table."""
+    x, y = scene.centre or (0.0, 0.0)
+    seen = [math.atan2(pose.y - y, pose.x - x) for pose in scene.localised]
+    aside = np.linspace(EYE_ASIDE / 2, MOST_ASIDE, 40)
+    if not seen:
+        return EYE_ASIDE
+    away = (scene.yaw - math.pi / 2 + aside)[:, None] - np.array(seen)
+    gaps = np.abs((away + math.pi) % (2 * math.pi) - math.pi).min(axis=1)
+    return float(aside[np.argmax(gaps)])
+
+
+def _middle(scene: Scene) -> tuple[float, float]:
+    """Return the place that a view of the stops round the table looks at."""
+    stops = [(pose.x, pose.y) for pose in scene.localised]
+    if scene.centre is None:
+        return tuple(np.mean(stops, axis=0).tolist()) if stops else (0.0, 0.0)
+    if not stops:
+        return scene.centre
+    away = np.array(stops) - np.array(scene.centre)
+    reach = MOST_ROUND * scene.extent
+    low = np.minimum(np.clip(away, -reach, reach).min(axis=0), -scene.extent)
+    high = np.maximum(np.clip(away, -reach, reach).max(axis=0), scene.extent)
+    middle = np.array(scene.centre) + (low + high) / 2
+    return float(middle[0]), float(middle[1])
+
+
+def _surround(scene: Scene) -> float:
+    """Return how far from the middle the table and the stops reach, within reason (metres)."""
+    if not scene.localised:
+        return 2 * scene.extent
+    middle = np.array(_middle(scene))
+    away = np.linalg.norm([pose.translation - middle for pose in scene.localised], axis=1)
+    if scene.centre is None:
+        return float(max(np.median(away), 2 * scene.extent))
+    table = float(np.linalg.norm(np.array(scene.centre) - middle)) + scene.extent
+    return min(max(float(np.median(away)), table), MOST_ROUND * scene.extent)
+
+
+def _space(
+    scene: Scene,
+    name: str,
+    contents: list[str],
+    place: tuple[float, float],
+    reach: float,
+    steepness: float,
+    aside: float = 0.0,
+    overrides: Mapping[rr.datatypes.EntityPath | str, Override] | None = None,
+) -> rrb.Spatial3DView:
+    """Return a 3D view that looks at a place from ``reach`` metres away, the table's length across.
+
+    ``steepness`` is how far the eye rises for each metre that it stands back, ``aside`` how far
+    (radians) it stands from straight before the table.
+    """
+    frame = scene.names.fixed if scene.names else "map"
+    back = reach / math.hypot(1.0, steepness)
+    target = (*place, 0.8 * scene.height)
+    heading = scene.yaw - math.pi / 2 + (aside or EYE_ASIDE / max(steepness, 1.0) ** 2)
+    eye = (
+        place[0] + back * math.cos(heading),
+        place[1] + back * math.sin(heading),
+        target[2] + steepness * back,
+    )
+    return rrb.Spatial3DView(
+        name=name,
+        origin="/",
+        contents=contents,
+        overrides=overrides,
+        spatial_information=rrb.SpatialInformation(target_frame=frame),
+        eye_controls=rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital, position=eye, look_target=target, eye_up=(0.0, 0.0, 1.0)
+        ),
+    )

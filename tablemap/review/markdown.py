@@ -1,0 +1,32 @@
+"""What the viewer's text panes are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+MOST_ROWS = 60
+ANGLES = {"angle"}
+
+
+def table(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:
+    """Return a markdown table; a cell's bars and line breaks do not break it."""
+    lines = ["| " + " | ".join(header) + " |", "|" + " --- |" * len(header)]
+    for row in rows:
+        cells = (str(cell).replace("|", "/").replace("\n", " ") for cell in row)
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def metres(value: float, sigma: float | None) -> str:
+    """Write a length with its standard deviation, or say that there is none."""
+    return f"{value:.3f} m" + (f" ± {1000 * sigma:.1f} mm" if sigma is not None else "")
+
+
+def figure(name: str, value: float, sigma: float | None) -> str:
+    """Write a dimension by its name: an angle in degrees, all else in metres."""
+    if name in ANGLES:
+        spread = f" ± {np.degrees(sigma):.2f}°" if sigma is not None else ""
+        return f"{np.degrees(value):.2f}°{spread}"
+    return metres(value, sigma)

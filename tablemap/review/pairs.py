@@ -1,0 +1,179 @@
+"""Pairs of stops as ICP aligned them: clouds that move along the timeline ``iteration``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import rerun as rr
+
+from tablemap.geometry import Floats, Pose2
+from tablemap.registration import Pair, PairIteration, PairStarted
+from tablemap.review import colours, text
+from tablemap.review.stream import Stream
+
+FRAME = "pairs"
+"""The frame in which the pairs lie side by side; it is no place in the map."""
+LEAST_REACH, MOST_REACH = 1.0, 3.5  # metres round the table
+GAP = 1.15  # of a cell's size
+FEW_PAIRS = 30
+"""Up to here there is room beside a pair's name for its RMSE."""
+WIDER = 1.15  # columns than rows
+SEEN_SHARE = 60  # per cent of the points that a cell has room for
+
+Key = tuple[int, int]
+
+
+@dataclass(eq=False)
+class _Sequence:
+    source: Floats
+    target: Floats
+    poses: list[Pose2] = field(default_factory=list)
+    figures: list[tuple[int, float, float, int]] = field(default_factory=list)
+
+
+class Pairs:
+    """Keeps how each pair moved until it is known which ones are worth a look.
+
+    What it keeps grows with the pairs, which are bounded by the snapshots; the clouds are those of
+    the registration, not copies. A pair that is aligned again goes on where it ended.
+    """
+
+    def __init__(self) -> None:
+        self._sequences: dict[Key, _Sequence] = {}
+
+    def start(self, _: Stream, started: PairStarted) -> None:
+        """Take where a pair begins, and what it aligns."""
+        sequence = self._sequences.setdefault(
+            (started.source, started.target),
+            _Sequence(started.source_points, started.target_points),
+        )
+        sequence.poses.append(started.target_from_source)
+
+    def step(self, _: Stream, iteration: PairIteration) -> None:
+        """Take one iteration of a pair that was started."""
+        sequence = self._sequences[iteration.source, iteration.target]
+        figures = (iteration.fitness, iteration.rmse, iteration.inliers)
+        sequence.figures.append((len(sequence.poses), *figures))
+        sequence.poses.append(iteration.target_from_source)
+
+    def log(self, stream: Stream, pairs: Sequence[Pair], poses: Sequence[Pose2]) -> None:
+        """Plot the pairs, the first ones first, and lay their clouds out as far as allowed.
+
+        ``poses`` are the stops' in the map: each pair is drawn as its target lies there. Pairs that
+        ``pairs`` does not name (of a run that failed) come last.
+        """
+        named = {(p.source, p.target): p for p in pairs if p.kind != "odometry"}
+        keys = [key for key in named if key in self._sequences]
+        keys += [key for key in self._sequences if key not in named]
+        config = stream.config
+        for key in keys if config.level == "full" else keys[: config.plotted_pairs]:
+            _plot(stream, key, self._sequences[key])
+        shown = [key for key in keys[: config.aligned_pairs] if max(key) < len(poses)]
+        if shown:
+            stream.text("registration/pairs/summary", text.aligned(len(shown), len(keys)))
+            self._lay_out(stream, shown, named, poses)
+        self._sequences = {}
+
+    def _lay_out(
+        self, stream: Stream, keys: list[Key], named: dict[Key, Pair], poses: Sequence[Pose2]
+    ) -> None:
+        middle = np.array(stream.scene.centre or np.mean([p.translation for p in poses], axis=0))
+        reach = self._reach(keys, poses, middle)
+        columns = int(np.ceil(np.sqrt(WIDER * len(keys))))
+        rows = -(-len(keys) // columns)
+        pitch = 2 * reach * GAP
+        stream.scene.pairs_reach = pitch * max(columns / WIDER, rows) / 2
+        places, labels, tints = [], [], []
+        for number, key in enumerate(keys):
+            row, column = divmod(number, columns)
+            cell = np.array([column - (columns - 1) / 2, (rows - 1) / 2 - row]) * pitch
+            cell_from_map = Pose2(float(cell[0] - middle[0]), float(cell[1] - middle[1]))
+            pair = named.get(key)
+            dropped = pair is not None and not pair.used
+            tint = colours.DROPPED if dropped else colours.USED
+            sequence = self._sequences[key]
+            _log_clouds(stream, key, sequence, cell_from_map @ poses[key[1]], cell, reach, tint)
+            places.append((cell[0], cell[1] - reach, 0.0))
+            rmse = f": {1000 * pair.rmse:.1f} mm" if pair and len(keys) <= FEW_PAIRS else ""
+            labels.append(f"{key[0]} to {key[1]}{rmse}")
+            tints.append(tint)
+        stream.log(
+            "registration/pairs/names",
+            rr.Points3D(
+                places,
+                labels=labels,
+                colors=tints,
+                radii=rr.Radius.ui_points(0.0),
+                show_labels=True,
+            ),
+            frame=FRAME,
+        )
+
+    def _reach(self, keys: list[Key], poses: Sequence[Pose2], middle: Floats) -> float:
+        """Return how far round the table most of what the pairs align lies, within limits."""
+        away = [
+            np.linalg.norm(
+                poses[target].apply(self._sequences[source, target].target[:, :2]) - middle, axis=1
+            )
+            for source, target in keys
+        ]
+        most = float(np.percentile(np.concatenate(away), SEEN_SHARE))
+        return float(np.clip(most, LEAST_REACH, MOST_REACH))
+
+
+def _log_clouds(
+    stream: Stream,
+    key: Key,
+    sequence: _Sequence,
+    cell_from_target: Pose2,
+    cell: Floats,
+    reach: float,
+    tint: colours.Colour,
+) -> None:
+    """Log the target, the source, and the source's motion over the iterations and as it ended."""
+    path = f"registration/pairs/{_name(key)}"
+    moved = [cell_from_target @ pose for pose in sequence.poses]
+    target = cell_from_target.apply(sequence.target)
+    ended = moved[-1].apply(sequence.source)
+    most = stream.config.aligned_points
+    source = sequence.source[np.linalg.norm(ended[:, :2] - cell, axis=1) < reach]
+    clouds = (
+        ("target", target[np.linalg.norm(target[:, :2] - cell, axis=1) < reach], FRAME),
+        ("source", source, f"pair {_name(key)}"),
+    )
+    for name, points, frame in clouds:
+        stream.log(
+            f"{path}/{name}",
+            rr.Points3D(
+                points[:: max(1, -(-len(points) // most))].astype(np.float32),
+                colors=[colours.INK if name == "target" else tint],
+                radii=rr.Radius.ui_points(1.5),
+            ),
+            frame=frame,
+        )
+    frames = np.stack([pose.lifted() for pose in moved])
+    steps = rr.TimeColumn("iteration", sequence=range(len(frames)))
+    stream.transforms(f"{path}/motion", FRAME, clouds[1][2], steps, frames)
+    # On the other timelines the pair is as it ended: `hold` would write that at iteration 0 too.
+    stream.at(stream.scene.start_ns, snapshot=0)
+    stream.transform(f"{path}/motion", FRAME, clouds[1][2], frames[-1])
+    stream.hold()
+
+
+def _plot(stream: Stream, key: Key, sequence: _Sequence) -> None:
+    if not sequence.figures:
+        return
+    steps, fitness, rmse, inliers = zip(*sequence.figures, strict=True)
+    times = rr.TimeColumn("iteration", sequence=steps)
+    for name, values in (
+        ("fitness", np.array(fitness)),
+        ("rmse_mm", 1000 * np.array(rmse)),
+        ("inliers", np.array(inliers)),
+    ):
+        stream.plot(f"registration/iterations/{name}/{_name(key)}", times, values)
+
+
+def _name(key: Key) -> str:
+    return f"{key[0]:02d}_to_{key[1]:02d}"

@@ -1,0 +1,126 @@
+"""The page that a reviewer reads first: verdict and figures, or why there is no model."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tablemap.model import Dimension, Edge, Figure, TableModel
+from tablemap.review.markdown import MOST_ROWS, figure, metres, table
+
+MOST_SIDES = 12
+LEAST_WEIGHT = 0.005
+COLOURS = (
+    "In the overview: numbered arrows (pyramids where they are many) are the robot's stops, grey "
+    "is its way, blue what the "
+    "laser saw, magenta what stands on the top. Dimension lines are green where measured, "
+    "amber where inferred, red where a side was not seen and the figure is a bound."
+)
+
+
+def model(result: TableModel, *, magnified: tuple[float, float]) -> str:
+    """Return the summary of a finished run: verdict first.
+
+    ``magnified`` says how many times too large the place's ellipse and the sides' bands are drawn.
+    """
+    surface = result.surface
+    rows: list[tuple[object, ...]] = [
+        (name, figure(name, one.value, one.sigma), one.status)
+        for name, one in surface.dimensions.items()
+    ]
+    sides = ""
+    if not rows and len(surface.edges) <= MOST_SIDES:
+        sides = f"**Sides** {', '.join(f'{_reach(edge):.3f}' for edge in surface.edges)} m"
+    rows.append(("height", metres(surface.height.value, surface.height.sigma), ""))
+    rows.append(_optional("thickness", surface.thickness))
+    if surface.corner_radius is not None:
+        rows.append(_optional("corner radius", surface.corner_radius))
+    pose = surface.pose
+    deviations = np.sqrt(np.maximum(np.diag(np.array(pose.covariance)), 0.0))
+    lines = [
+        f"# {surface.shape.capitalize()}: {result.verdict.level}",
+        *[f"- {reason}" for reason in result.verdict.reasons],
+        "",
+        table(("figure", "value", "status"), rows),
+        "",
+        sides,
+        "",
+        f"**Pose** in `{result.frame}`: x {metres(pose.x, float(deviations[0]))}, "
+        f"y {metres(pose.y, float(deviations[1]))}, "
+        f"yaw {np.degrees(pose.yaw):.2f} ± {np.degrees(float(deviations[2])):.2f}°",
+        "",
+        f"**Shape** {surface.shape} {surface.score:.2f}"
+        + "".join(
+            f", {other.shape} {other.score:.2f}"
+            for other in surface.alternatives
+            if other.score >= LEAST_WEIGHT
+        ),
+        "",
+        f"## {len(result.legs)} legs",
+    ]
+    if result.legs:
+        lines.append(
+            table(
+                ("leg", "x, y (m)", "size (mm)", "status"),
+                [
+                    (
+                        f"{k} {leg.shape}",
+                        f"{leg.x:.3f}, {leg.y:.3f}"
+                        + (f" ± {leg.position_sigma:.3f}" if leg.position_sigma else ""),
+                        " x ".join(f"{1000 * one.value:.0f}" for one in leg.dimensions.values()),
+                        leg.status,
+                    )
+                    for k, leg in enumerate(result.legs)
+                ],
+            )
+        )
+    used = sum(snapshot.used for snapshot in result.snapshots)
+    lines += ["", f"**Views** {used} used of {len(result.snapshots)}", ""]
+    unused = [(k, one.reason) for k, one in enumerate(result.snapshots) if not one.used]
+    if unused:
+        lines.append(table(("view not used", "reason"), unused[:MOST_ROWS]))
+    lines += ["", f"## {len(result.warnings)} warnings"]
+    if result.warnings:
+        lines.append(
+            table(
+                ("code", "message"),
+                [(one.code, one.message) for one in result.warnings[:MOST_ROWS]],
+            )
+        )
+    place, bands = magnified
+    lines += [
+        "",
+        f"On the top, 95 % intervals: the place's ellipse {place:.0f} times as large, "
+        f"the sides' bands {bands:.0f} times.",
+    ]
+    if result.legs or result.snapshots:
+        lines.append(COLOURS)
+    if surface.thickness is None:
+        lines.append("The thickness was not measured; the top is drawn 30 mm thick.")
+    return "\n".join(lines)
+
+
+def _reach(edge: Edge) -> float:
+    """Return a side's length in metres."""
+    return float(np.linalg.norm(np.diff(np.array(edge.points), axis=0), axis=1).sum())
+
+
+def _optional(name: str, one: Figure | None) -> tuple[object, ...]:
+    if one is None:
+        return name, "not measured", ""
+    status = one.status if isinstance(one, Dimension) else ""
+    return name, metres(one.value, one.sigma), status
+
+
+def failure(stage: str, message: str) -> str:
+    """Return the summary of a run that has no model."""
+    return f"# No model\n\nThe run ended in **{stage}**:\n\n> {message}\n"
+
+
+def no_other_model(number: int, message: str) -> str:
+    """Return the summary of a table beside the chosen one that has no model."""
+    return f"# Table {number:02d}: no model\n\n> {message}\n"
+
+
+def running(recording: str) -> str:
+    """Return the summary of a run that has not ended: what a crash leaves behind."""
+    return f"# Running\n\n`{recording}`: the run has not ended, or was killed. No model yet.\n"

@@ -1,0 +1,80 @@
+"""The tables beside the chosen one: each below ``/tables/NN`` as the chosen one is below ``/``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import rerun as rr
+
+from tablemap.crosscheck import CrossCheck
+from tablemap.geometry import Pose2
+from tablemap.legs import Legs
+from tablemap.outline import Outline
+from tablemap.record import OfTable, OtherTable
+from tablemap.review import colours, story
+from tablemap.review.crosscheck import log_cross_check
+from tablemap.review.solid import log_model
+from tablemap.review.stream import Scene, Stream
+from tablemap.review.supports import log_legs
+from tablemap.review.top import Top
+from tablemap.surface import Surface
+
+
+class Tables:
+    """Draws what is found of the other tables, and their models muted."""
+
+    def __init__(self) -> None:
+        self._poses: tuple[Pose2, ...] = ()
+        self._scenes: dict[int, Scene] = {}
+        self._places: dict[int, dict[type, Callable[[Stream, Any], None]]] = {}
+
+    def take_poses(self, poses: tuple[Pose2, ...]) -> None:
+        """Take the registered poses, by snapshot index."""
+        self._poses = poses
+
+    def log_result(self, stream: Stream, one: OfTable) -> None:
+        """Log one result about such a table.
+
+        Raises `TypeError` for a type that has no place.
+        """
+        scene = self._scene(stream, one.number)
+        place = self._places[one.number].get(type(one.result))
+        if place is None:
+            raise TypeError(f"{type(one.result).__name__} of another table has no place")
+        with stream.within(entity(one.number), scene):
+            place(stream, one.result)
+
+    def log_outcome(self, stream: Stream, other: OtherTable) -> None:
+        """Log its model as a solid with dimensions and summary, or why there is none."""
+        if not isinstance(other.outcome, str):
+            with stream.within(entity(other.number), self._scene(stream, other.number)):
+                log_model(stream, other.outcome, tint=colours.MUTED)
+            return
+        stream.hold()
+        page = story.no_other_model(other.number, other.outcome)
+        stream.text(f"{entity(other.number)}/summary", page)
+        if stream.config.level != "off":
+            message = f"table {other.number:02d} has no model: {other.outcome}"
+            stream.log_flat("log", rr.TextLog(message, level="INFO"))
+
+    def _scene(self, stream: Stream, number: int) -> Scene:
+        """Return what is known round a table: its own place and shape, all else as it is."""
+        if number not in self._scenes:
+            self._scenes[number] = replace(stream.scene, shape="", tables={})
+            top = Top()
+            top.take_poses(self._poses)
+            self._places[number] = {
+                Outline: top.log_outline,
+                Surface: top.log_surface,
+                CrossCheck: log_cross_check,
+                Legs: log_legs,
+            }
+            stream.scene.tables[number] = self._scenes[number]
+        return self._scenes[number]
+
+
+def entity(number: int) -> str:
+    """Return the entity that a table's results stand below."""
+    return f"tables/{number:02d}"
