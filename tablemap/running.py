@@ -18,6 +18,7 @@ from tablemap.record import Record, RunFailed, StageFinished, StageStarted, igno
 
 if TYPE_CHECKING:
     from tablemap.pipeline import Processed, Tables
+    from tablemap.review.page import Page
 
 Follow = Callable[[Path], AbstractContextManager[object]]
 Method = Literal["tablemap", "report"]
@@ -88,8 +89,9 @@ def run(
             folder.update(recording=entry, timings=stages.seconds)
             folder.write("trajectory.tum", trajectory_tum(processed.trajectory))
             folder.write("table.json", processed.model.to_json())
-            for number, other in enumerate(processed.others, start=1):
-                folder.write(f"tables/{number:02d}.json", other.to_json())
+            for other in processed.others:
+                if isinstance(other.outcome, TableModel):
+                    folder.write(f"tables/{other.number:02d}.json", other.outcome.to_json())
             lost = [w.message for w in processed.model.warnings if w.code in LOSSES]
             status: Literal["ok", "partial"] = "partial" if lost else "ok"
             loss = lost[0] if lost else None
@@ -97,20 +99,16 @@ def run(
             folder.write("report.html", html)
             folder.finish(status, error=loss)
         except (TablemapError, OSError) as error:
-            with suppress(OSError):
+            with suppress(TablemapError, OSError):
                 entry = folder.manifest.recording.model_copy(update={"sha256": digest.result()})
                 folder.update(recording=entry)
-            folder.update(timings=stages.seconds)
-            with suppress(TablemapError):  # a full disk may be what the run failed of
-                html = page.html(folder.manifest, status="failed", error=str(error))
-                folder.write("report.html", html)
-            folder.finish("failed", error=str(error))
+            _leave(folder, page, stages, "failed", str(error))
             return Outcome(recording_path, folder, "failed", str(error), None)
         except KeyboardInterrupt:
-            folder.finish("interrupted", error=f"interrupted during {stages.current}")
+            _leave(folder, page, stages, "interrupted", f"interrupted during {stages.current}")
             raise
         except BaseException as error:
-            folder.finish("failed", error=f"{type(error).__name__}: {error}")
+            _leave(folder, page, stages, "failed", f"{type(error).__name__}: {error}")
             raise
     return Outcome(recording_path, folder, status, folder.manifest.error, processed.model)
 
@@ -137,6 +135,21 @@ def reprocess(
         tables=manifest.tables,
         progress=progress,
     )
+
+
+def _leave(
+    folder: RunFolder,
+    page: Page,
+    stages: _Stages,
+    status: Literal["failed", "interrupted"],
+    error: str,
+) -> None:
+    """Leave a folder whose run did not come to its end, with its page and how it ended."""
+    with suppress(Exception):  # a full disk, or the page itself, may be what the run failed of
+        folder.update(timings=stages.seconds)
+        folder.write("report.html", page.html(folder.manifest, status=status, error=error))
+    with suppress(TablemapError):  # then the manifest still says that it runs
+        folder.finish(status, error=error)
 
 
 def _process_reviewed(
@@ -175,7 +188,8 @@ def _process_reviewed(
             record(recording)
             return process(recording, config=config, tables=tables, record=record)
         except BaseException as error:
-            record(RunFailed(stages.current, str(error) or type(error).__name__))
+            with suppress(TablemapError):  # where the review itself is what failed
+                record(RunFailed(stages.current, str(error) or type(error).__name__))
             raise
 
 
