@@ -17,6 +17,8 @@ ALLOWED = {
     "mcap_protobuf": ["recording/"],
     "rosbags": ["recording/", "simulation/"],
     "rerun": ["review/"],
+    "datafusion": ["review/"],
+    "distributed": ["batch/"],
     "kiss_icp": ["odometry"],
     "open3d": ["registration", "simulation/", "evaluation/"],
 }

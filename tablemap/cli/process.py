@@ -16,9 +16,10 @@ from tablemap.cli.printing import aligned, outcome_line, outcome_rows, print_mod
 from tablemap.errors import TablemapError
 
 if TYPE_CHECKING:
-    from tablemap.batch import Job
+    from tablemap.batch.jobs import Job, Progress
     from tablemap.config import Config
     from tablemap.pipeline import Tables
+    from tablemap.record import StageStarted
     from tablemap.running import Follow, Outcome
 
 
@@ -50,6 +51,10 @@ def process(
     jobs: Annotated[
         int, typer.Option("--jobs", "-j", min=1, help="Recordings processed at once.")
     ] = 1,
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", help="Process on this Dask cluster.", metavar="ADDRESS"),
+    ] = None,
     again: Annotated[
         bool, typer.Option("--again", help="Process also what DIR holds a same run of.")
     ] = False,
@@ -74,6 +79,8 @@ def process(
 
     if every_table and near is not None:
         raise typer.BadParameter("--near and --all exclude each other.")
+    if scheduler and (jobs > 1 or live):
+        raise typer.BadParameter("--scheduler excludes --jobs and --live.")
     tables: Tables = near or ("all" if every_table else "best")
     chosen = [f"review.level={level}"] if level else []
     resolved = load_config(config, overrides=[*(settings or ()), *chosen])
@@ -85,7 +92,8 @@ def process(
     exported = True
     paths = expand([str(path) for path in recordings])
     job = Job(output, resolved, method, tables, follow=_follow(live=live))
-    for outcome in _outcomes(paths, job, jobs=jobs, again=again, quiet=quiet):
+    many = _many(scheduler, jobs)
+    for outcome in _outcomes(paths, job, many, again=again, quiet=quiet):
         outcomes.append(outcome)
         if as_json:
             typer.echo(json.dumps(outcome_line(outcome)))
@@ -132,10 +140,30 @@ def _export_processed(run: Path, formats: list[str], config: Config, *, quiet: b
     return True
 
 
+Many = Callable[[list[Path], "Job", "Progress"], Iterator["Outcome"]]
+
+
+def _many(scheduler: str | None, jobs: int) -> Many | None:
+    """Return what processes many recordings at once; None where they are to go one by one."""
+    if scheduler:
+        from tablemap.batch.cluster import process_on_cluster
+
+        return partial(
+            process_on_cluster,
+            address=scheduler,
+            warn=lambda words: typer.echo(f"warning: {words}", err=True),
+        )
+    if jobs > 1:
+        from tablemap.batch import process_many
+
+        return partial(process_many, jobs=jobs)
+    return None
+
+
 def _outcomes(
-    recordings: list[Path], job: Job, *, jobs: int, again: bool, quiet: bool
+    recordings: list[Path], job: Job, many: Many | None, *, again: bool, quiet: bool
 ) -> Iterator[Outcome]:
-    """Take what is done already from its run; process the rest, here or in processes."""
+    """Take what is done already from its run; process the rest."""
     from tablemap.batch import done_already
     from tablemap.running import Outcome
 
@@ -150,29 +178,29 @@ def _outcomes(
             typer.echo(words, err=True)
         status: Literal["ok", "partial"] = "partial" if held.manifest.status == "partial" else "ok"
         yield Outcome(recording, held, status, held.manifest.error, held.model)
-    if jobs > 1 and len(waiting) > 1:
-        yield from _in_processes(waiting, job, jobs=jobs, quiet=quiet)
+    if many and waiting:
+        yield from _at_once(waiting, job, many, quiet=quiet)
         return
     for recording in waiting:
         yield process_one(recording, partial(job, recording), quiet=quiet)
 
 
-def _in_processes(recordings: list[Path], job: Job, *, jobs: int, quiet: bool) -> Iterator[Outcome]:
+def _at_once(recordings: list[Path], job: Job, many: Many, *, quiet: bool) -> Iterator[Outcome]:
+    """Process with a bar on stderr that counts the recordings and names what goes on."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from tablemap.batch import process_many
-
     columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
+    console = stderr_console()
+    hidden = quiet or not console.is_terminal
     with Progress(
-        *columns, TimeElapsedColumn(), console=stderr_console(), transient=True, disable=quiet
+        *columns, TimeElapsedColumn(), console=console, transient=True, disable=hidden
     ) as bar:
         task = bar.add_task("", total=len(recordings))
-        for outcome in process_many(
-            recordings,
-            job,
-            jobs=jobs,
-            progress=lambda path, stage: bar.update(task, description=f"{path.name} {stage.name}"),
-        ):
+
+        def progress(path: Path, stage: StageStarted) -> None:
+            bar.update(task, description=f"{path.name} {stage.name}")
+
+        for outcome in many(recordings, job, progress):
             bar.advance(task)
             yield outcome
 
@@ -206,6 +234,13 @@ def _progress(name: str) -> Iterator[Callable[[str, int], None]]:
         BarColumn(),
         TextColumn("{task.description}"),
     )
-    with Progress(*columns, TimeElapsedColumn(), console=stderr_console(), transient=True) as bar:
+    console = stderr_console()
+    with Progress(
+        *columns,
+        TimeElapsedColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    ) as bar:
         task = bar.add_task("opening", total=len(STAGES), recording=name)
         yield lambda stage, index: bar.update(task, description=stage, completed=index)

@@ -1,4 +1,4 @@
-"""Many recordings on this machine: which ones, which are done already, and the rest in parallel.
+"""Many recordings in processes of this machine.
 
 Each worker is a process of its own that takes one recording at a time. One that dies (killed, out
 of memory, a crash in a library) takes nothing else with it: its recording is tried once more in a
@@ -7,120 +7,29 @@ new one.
 
 from __future__ import annotations
 
-import glob
 import os
 import signal
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import nullcontext, suppress
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING
 
-from tablemap.archive.folder import LEAVE_A_MODEL, RunFolder, load_run, versions
-from tablemap.config import Config, dump_config
-from tablemap.errors import ConfigError, TablemapError
+from tablemap.batch.jobs import TRIES, Job, Progress, mark_lost, runs_of
 from tablemap.record import StageStarted
-from tablemap.running import Follow, Method, Outcome, run
+from tablemap.running import Outcome
 
-if TYPE_CHECKING:
-    from tablemap.pipeline import Tables
-
-TRIES = 2
 GRACE_SECONDS = 20.0
 SINGLE_THREADED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
-Progress = Callable[[Path, StageStarted], None]
-
-
-@dataclass(frozen=True)
-class Job:
-    """How recordings are processed: `tablemap.running.run`'s arguments."""
-
-    output: Path
-    config: Config
-    method: Method = "tablemap"
-    tables: Tables = "best"
-    follow: Follow = nullcontext
-
-    def __call__(self, recording: Path, progress: Callable[[object], None]) -> Outcome:
-        """Process one recording."""
-        return run(
-            recording,
-            output=self.output,
-            config=self.config,
-            method=self.method,
-            tables=self.tables,
-            progress=progress,
-            follow=self.follow,
-        )
-
-
-def expand(arguments: Sequence[str]) -> list[Path]:
-    """Return the recordings that are named: paths, globs and ``@list.txt``, each once.
-
-    A list has a path or glob a line, relative to where one works; blank lines and those that begin
-    with ``#`` count for nothing. A glob that matches nothing stands for itself, as in a shell.
-    Raises `ConfigError` where a list cannot be read.
-    """
-    names: list[str] = []
-    for argument in arguments:
-        if not argument.startswith("@") or Path(argument).exists():
-            names.append(argument)
-            continue
-        try:
-            lines = Path(argument[1:]).read_text(encoding="utf-8").splitlines()
-        except (OSError, UnicodeDecodeError) as error:
-            raise ConfigError(
-                f"the list of recordings cannot be read ({error}): {argument[1:]}"
-            ) from error
-        names += [line.strip() for line in lines if line.strip() and not line.startswith("#")]
-    paths: dict[Path, None] = {}
-    for name in names:
-        matches = [] if Path(name).exists() else sorted(_glob(name))
-        paths.update(dict.fromkeys(map(Path, matches or [name])))
-    return list(paths)
-
-
-def _glob(pattern: str) -> list[str]:
-    return glob.glob(pattern, recursive=True)  # noqa: PTH207 - Path's takes no absolute pattern
-
-
-def done_already(recording: Path, job: Job) -> RunFolder | None:
-    """Return the newest run that left a model of the same bytes by the same config and versions.
-
-    The recording is read (for its SHA-256) only where all the rest is the same.
-    """
-    from tablemap.recording import sha256
-
-    if not recording.is_file():
-        return None
-    digest = None
-    for held in _runs_of(recording, job.output):
-        manifest = held.manifest
-        if (
-            manifest.status not in LEAVE_A_MODEL
-            or (manifest.method, manifest.tables) != (job.method, job.tables)
-            or manifest.versions != versions()
-            or manifest.recording.size != recording.stat().st_size
-            or not (held.path / "table.json").is_file()
-            or not _has_text(held.path / "config.toml", dump_config(job.config))
-        ):
-            continue
-        digest = digest or sha256(recording)
-        if manifest.recording.sha256 == digest:
-            return held
-    return None
-
 
 def process_many(
-    recordings: Sequence[Path], job: Job, *, jobs: int, progress: Progress
+    recordings: Sequence[Path], job: Job, progress: Progress, *, jobs: int
 ) -> Iterator[Outcome]:
     """Process recordings over at most ``jobs`` processes; yield each outcome as it comes.
 
@@ -129,7 +38,10 @@ def process_many(
     """
     for name in SINGLE_THREADED:  # as many processes as cores leave no core for more threads
         os.environ.setdefault(name, "1")
-    waiting = deque(_Task(recording) for recording in recordings)
+    waiting = deque(
+        _Task(recording, known=frozenset(r.manifest.run_id for r in runs_of(recording, job.output)))
+        for recording in recordings
+    )
     workers = [_Worker(job) for _ in range(min(jobs, len(waiting)))]
     try:
         while waiting or any(worker.task for worker in workers):
@@ -148,12 +60,13 @@ def process_many(
                 if worker.task and not worker.is_alive():
                     lost = worker.lose()
                     error = f"its worker died ({worker.end})"
-                    left = _mark_lost(lost, job.output, error)
+                    left = mark_lost(lost.recording, job.output, error, known=lost.known)
                     if lost.tries < TRIES:
                         waiting.appendleft(lost)
                     else:
                         error = f"{error} {TRIES} times; is there enough memory? {lost.recording}"
-                        yield Outcome(lost.recording, left, "failed", error, None)
+                        last = left[0] if left else None
+                        yield Outcome(lost.recording, last, "failed", error, None)
     finally:
         for worker in workers:
             worker.stop()
@@ -161,16 +74,17 @@ def process_many(
         for worker in workers:
             worker.join(deadline)
             if worker.task:
-                _mark_lost(worker.lose(), job.output, "interrupted")
+                lost = worker.lose()
+                mark_lost(lost.recording, job.output, "interrupted", known=lost.known)
 
 
 @dataclass(frozen=True)
 class _Task:
-    """A recording, how often it was begun, and when it was last."""
+    """A recording, the runs that it had before, and how often it was begun."""
 
     recording: Path
+    known: frozenset[str]
     tries: int = 0
-    begun: datetime | None = None
 
 
 class _Worker:
@@ -204,7 +118,7 @@ class _Worker:
         return self._process.is_alive()
 
     def give(self, task: _Task) -> None:
-        self.task = replace(task, tries=task.tries + 1, begun=datetime.now(UTC))
+        self.task = replace(task, tries=task.tries + 1)
         with suppress(OSError):  # it has died meanwhile, as the next look at it will show
             self._pipe.send(task.recording)
 
@@ -265,36 +179,3 @@ def _work(pipe: Connection[object, object], job: Job) -> None:
                 sentence = f"this is a defect of tablemap: {type(error).__name__}: {error}"
                 outcome = Outcome(recording, None, "failed", sentence, None)
             pipe.send(outcome)
-
-
-def _runs_of(recording: Path, output: Path) -> list[RunFolder]:
-    """Return the runs of recordings of that name, newest first."""
-    found = []
-    for path in sorted((output / recording.stem).glob("*/manifest.json"), reverse=True):
-        if not path.parent.is_symlink():
-            with suppress(TablemapError):  # what cannot be read cannot be what is sought
-                found.append(RunFolder(path.parent, load_run(path.parent).manifest))
-    return found
-
-
-def _has_text(file: Path, text: str) -> bool:
-    try:
-        return file.read_text(encoding="utf-8") == text
-    except (OSError, UnicodeDecodeError):
-        return False
-
-
-def _mark_lost(task: _Task, output: Path, error: str) -> RunFolder | None:
-    """Let the run that a dead worker has left behind say so, and return it."""
-    for left in _runs_of(task.recording, output):
-        manifest = left.manifest
-        if (
-            manifest.status == "running"
-            and manifest.recording.path == str(task.recording.resolve())
-            and task.begun is not None
-            and datetime.fromisoformat(manifest.started) >= task.begun.replace(microsecond=0)
-        ):
-            with suppress(TablemapError):
-                left.finish("interrupted", error=error)
-            return left
-    return None

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import os
-import signal
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
-from tablemap.archive import RunFolder, load_run
+from tablemap.archive import load_run
 from tablemap.batch import Job, done_already, expand, process_many
 from tablemap.config import Config, load_config
 from tablemap.errors import ConfigError
-from tablemap.record import StageStarted
-from tablemap.running import Outcome
 from tests.archive.runs import make_run
+from tests.batch.acting import Acted
 from tests.factory import rectangle_model
 
 
@@ -76,25 +71,6 @@ def test_other_bytes_of_the_same_size_are_another_recording(
     make_run(tmp_path / "runs", "lap/a", rectangle_model(), recording=recording)
     recording.write_bytes(b"A RECORDING")
     assert done_already(recording, Job(tmp_path / "runs", Config())) is None
-
-
-@dataclass(frozen=True)
-class Acted(Job):
-    """A job that does what the recording's name says."""
-
-    def __call__(self, recording: Path, progress: Callable[[object], None]) -> Outcome:
-        """Leave a run, or none."""
-        progress(StageStarted("snapshots", 0))
-        if recording.stem.startswith("defect"):
-            raise ValueError("of this recording")
-        run = RunFolder.create(
-            self.output, recording, method="tablemap", tables="best", config=self.config
-        )
-        first = len(list(run.path.parent.iterdir())) == 1
-        if recording.stem.startswith("deadly") or (recording.stem == "once" and first):
-            os.kill(os.getpid(), signal.SIGKILL)
-        run.finish("ok")
-        return Outcome(recording, run, "ok", None, None)
 
 
 def test_failures_and_deaths_stay_alone(tmp_path: Path) -> None:
