@@ -1,0 +1,13 @@
+"""The group of commands on run folders, and what several of them take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+runs_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
+
+Runs = Annotated[Path, typer.Argument(help="Folder of run folders.", metavar="DIR")]
+Run = Annotated[Path, typer.Argument(help="Run folder.", metavar="RUN")]

@@ -1,0 +1,97 @@
+"""``tablemap runs reprocess`` and ``prune``: runs that come and go."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tablemap.cli.options import Debug, Json
+from tablemap.cli.printing import (
+    outcome_line,
+    print_model,
+    stderr_console,
+)
+from tablemap.cli.process import process_one
+from tablemap.cli.runs.app import Run, Runs, runs_app
+
+
+@runs_app.command()
+def reprocess(
+    run: Run,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="A setting to change; repeatable.", metavar="SECTION.KEY=VALUE"),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Folder of run folders; else RUN's.", metavar="DIR"),
+    ] = None,
+    as_json: Json = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors alone.")] = False,
+    debug: Debug = False,
+) -> None:
+    """Process a RUN's recording again by its own settings, but for what is changed."""
+    from rich.console import Console
+
+    from tablemap.archive import load_run
+    from tablemap.running import reprocess as process_again
+
+    folder = load_run(run)
+    outcome = process_one(
+        Path(folder.manifest.recording.path),
+        lambda progress: process_again(
+            folder, output=output, overrides=settings or (), progress=progress
+        ),
+        quiet=quiet,
+    )
+    if as_json:
+        typer.echo(json.dumps(outcome_line(outcome)))
+    elif outcome.status == "failed":
+        typer.echo(f"tablemap: {outcome.error}", err=True)
+    if outcome.model and outcome.run and not quiet:
+        console = stderr_console() if as_json else Console(highlight=False)
+        print_model(outcome.model, outcome.run.path, console=console)
+    raise typer.Exit({"failed": 1, "partial": 3}.get(outcome.status, 0))
+
+
+@runs_app.command("prune")
+def prune_(
+    folder: Runs = Path("runs"),
+    older_than: Annotated[
+        float | None, typer.Option("--older-than", min=0, help="Begun so long ago.", metavar="DAYS")
+    ] = None,
+    status: Annotated[
+        list[str] | None, typer.Option("--status", help="Only this status; repeatable.")
+    ] = None,
+    keep: Annotated[
+        int | None, typer.Option("--keep", min=0, help="Hold each recording's newest.", metavar="N")
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Remove them; else only list them.")] = False,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """List the runs in DIR that may go, and remove them with --yes."""
+    from datetime import UTC, datetime, timedelta
+
+    from tablemap.archive.index import list_runs
+    from tablemap.archive.pruning import prune, to_prune
+
+    going = to_prune(
+        list_runs(folder),
+        now=datetime.now(UTC),
+        older_than=None if older_than is None else timedelta(days=older_than),
+        status=status or (),
+        keep=keep,
+    )
+    if yes:
+        prune(folder, going)
+    if as_json:
+        typer.echo(json.dumps({"removed": yes, "runs": [row.path for row in going]}, indent=1))
+        return
+    for row in going:
+        typer.echo(folder / row.path)
+    said = "removed" if yes else "would go; --yes removes them"
+    typer.echo(f"{len(going)} runs {said}", err=True)

@@ -1,0 +1,146 @@
+"""``tablemap runs show``, ``compare`` and ``verify``: what runs are."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tablemap.cli.options import Debug, Json
+from tablemap.cli.printing import (
+    aligned,
+    metres_text,
+)
+from tablemap.cli.runs.app import Run, runs_app
+
+if TYPE_CHECKING:
+    from tablemap.archive import RunFolder
+    from tablemap.archive.comparison import Comparison
+
+
+@runs_app.command()
+def show(run: Run, as_json: Json = False, debug: Debug = False) -> None:
+    """Show what a RUN was made of, how it ended, and its model."""
+    from tablemap.archive import load_run
+    from tablemap.summary import summary_rows
+
+    folder = load_run(run)
+    manifest = folder.manifest
+    model = folder.model if (folder.path / "table.json").is_file() else None
+    if as_json:
+        document = {
+            "path": str(folder.path),
+            "manifest": manifest.model_dump(mode="json", by_alias=True),
+            "model": json.loads(model.to_json()) if model else None,
+        }
+        typer.echo(json.dumps(document, indent=1))
+        return
+    rows = [
+        ("run", str(folder.path)),
+        ("recording", manifest.recording.path),
+        ("method", f"{manifest.method}, seed {manifest.seed}"),
+        ("tablemap", manifest.versions.get("tablemap", "unknown")),
+        ("started", manifest.started),
+        ("seconds", f"{sum(manifest.timings.values()):.1f}"),
+        ("status", manifest.status),
+        *([("error", manifest.error)] if manifest.error else []),
+        *(summary_rows(model) if model else []),
+    ]
+    typer.echo(aligned(rows))
+
+
+@runs_app.command()
+def compare(
+    first: Annotated[Path, typer.Argument(help="Run folder.", metavar="A")],
+    second: Annotated[Path, typer.Argument(help="Run folder.", metavar="B")],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Write compare.svg and .rrd here.", metavar="DIR"),
+    ] = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Show the models of A and B side by side, and their differences in sigmas."""
+    from tablemap.archive import load_run
+    from tablemap.archive.comparison import compare as compare_models
+
+    a, b = load_run(first), load_run(second)
+    compared = compare_models(a.model, b.model)
+    if as_json:
+        document = {"a": str(a.path), "b": str(b.path), **compared.to_dict()}
+        typer.echo(json.dumps(document, indent=1))
+    else:
+        typer.echo(aligned(_comparison_rows(compared)))
+    if output:
+        for file in _draw(a, b, output):
+            typer.echo(file, err=True)
+
+
+def _comparison_rows(compared: Comparison) -> Iterator[tuple[str, ...]]:
+    yield ("", "A", "B", "B - A", "sigma", "sigmas")
+    for name, a, b in compared.words:
+        yield (name, a, b, "" if a == b else "differs", "", "")
+    for row in compared.figures:
+        angle = row.name in ("yaw", "angle")
+        values = [_degrees(x) if angle else metres_text(x) for x in (row.a, row.b)]
+        apart = [
+            _degrees(x) if angle else "" if x is None else f"{1000 * x:.1f} mm"
+            for x in (row.difference, row.sigma)
+        ]
+        yield (row.name, *values, *apart, "" if row.sigmas is None else f"{row.sigmas:.1f}")
+    if compared.overlap is not None and compared.farthest is not None:
+        yield (
+            "outlines",
+            f"{compared.overlap:.1%} common",
+            "",
+            f"{1000 * compared.farthest:.1f} mm at most",
+            "",
+            "",
+        )
+
+
+def _degrees(value: float | None) -> str:
+    import math
+
+    return "" if value is None else f"{math.degrees(value):.2f} deg"
+
+
+def _draw(a: RunFolder, b: RunFolder, output: Path) -> tuple[Path, Path]:
+    from tablemap.archive.drawing import write_drawing
+    from tablemap.review.overlay import write_overlay
+
+    names = (f"{a.path.parent.name}/{a.path.name}", f"{b.path.parent.name}/{b.path.name}")
+    drawing, overlay = output / "compare.svg", output / "compare.rrd"
+    write_drawing(drawing, a.model, b.model, names=names)
+    write_overlay(overlay, a.model, b.model, names=names, name=" and ".join(names))
+    return drawing, overlay
+
+
+@runs_app.command()
+def verify(
+    runs: Annotated[list[Path], typer.Argument(help="Run folders.", metavar="RUN")],
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Check that the RUNs and their recordings are what they were."""
+    from dataclasses import asdict
+
+    from tablemap.archive import load_run
+    from tablemap.archive.verification import verify as verify_run
+
+    failed = False
+    for path in runs:
+        run = load_run(path)
+        checks = verify_run(run)
+        failed |= not all(check.passed for check in checks)
+        if as_json:
+            document = {"run": str(run.path), "checks": [asdict(check) for check in checks]}
+            typer.echo(json.dumps(document))
+        else:
+            typer.echo(run.path)
+            rows = [(f"  {each.outcome}", each.name, each.detail or "") for each in checks]
+            typer.echo(aligned(rows))
+    raise typer.Exit(1 if failed else 0)

@@ -1,0 +1,83 @@
+"""``tablemap runs pack``, ``unpack`` and ``serve``: runs elsewhere."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tablemap.cli.options import Debug, Json
+from tablemap.cli.runs.app import Run, Runs, runs_app
+
+
+@runs_app.command("pack")
+def pack_(
+    run: Run,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="The file to write; else RUN.tar.zst.", metavar="FILE"),
+    ] = None,
+    with_input: Annotated[bool, typer.Option("--input", help="The recording too.")] = False,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Write a RUN into one file, to be unpacked elsewhere."""
+    from tablemap.archive import load_run
+    from tablemap.archive.packing import SUFFIX, pack
+
+    folder = load_run(run)
+    name = f"{folder.path.parent.name}-{folder.path.name}{SUFFIX}"
+    file = pack(folder, output or Path(name), with_input=with_input)
+    typer.echo(json.dumps({"file": str(file)}) if as_json else file)
+
+
+@runs_app.command("unpack")
+def unpack_(
+    file: Annotated[Path, typer.Argument(help="What pack wrote.", metavar="FILE")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Folder of run folders.", metavar="DIR")
+    ] = Path("runs"),
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Bring a packed run back as DIR/<recording>/<run>, checked."""
+    from tablemap.archive.packing import unpack
+
+    run = unpack(file, output)
+    typer.echo(json.dumps({"run": str(run.path)}) if as_json else run.path)
+
+
+@runs_app.command("serve")
+def serve_(
+    folder: Runs = Path("runs"),
+    port: Annotated[
+        int, typer.Option("--port", min=0, max=65535, help="Where to listen; 0: any free port.")
+    ] = 51234,
+    host: Annotated[
+        str, typer.Option("--host", help="Who may connect; 0.0.0.0: other machines too.")
+    ] = "127.0.0.1",
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Serve the runs in DIR as a Rerun catalog, until it is interrupted."""
+    import threading
+
+    from tablemap.review.catalog import DATASET, served_catalog
+
+    with served_catalog(folder, host=host, port=port) as catalog:
+        for note in catalog.notes:
+            typer.echo(f"note: {note}", err=True)
+        if as_json:
+            document = {"url": catalog.url, "dataset": DATASET, "runs": catalog.runs}
+            typer.echo(json.dumps(document))
+        else:
+            typer.echo(catalog.url)
+        words = f"{catalog.runs} runs; open them with: rerun {catalog.url}; or ask in Python:"
+        typer.echo(words, err=True)
+        code = f'CatalogClient("{catalog.url}").get_dataset("{DATASET}").segment_table()'
+        typer.echo(f"  from rerun.catalog import CatalogClient\n  {code}", err=True)
+        sys.stdout.flush()
+        threading.Event().wait()
