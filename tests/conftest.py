@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
+import subprocess
 from pathlib import Path
 
 import pytest
+
+from tests.command import tablemap
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -24,3 +28,16 @@ def real_recordings() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no real recordings at {folder}; set TABLEMAP_REAL_RECORDINGS to their folder")
     return folder
+
+
+@pytest.fixture(scope="session")
+def finished(
+    demo_recording: Path, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, subprocess.CompletedProcess[str]]:
+    """The demo processed and exported once: its run folder and what the command said."""
+    output = tmp_path_factory.mktemp("demo") / "runs"
+    done = tablemap(
+        "process", demo_recording, "-o", output, "--json", "--export", "svg", "--export", "nav2"
+    )
+    assert done.returncode == 0, done.stderr
+    return Path(json.loads(done.stdout)["run"]), done

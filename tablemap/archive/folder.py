@@ -15,7 +15,6 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from tablemap.config import Config, load_config
@@ -189,8 +188,13 @@ def load_run(path: Path) -> RunFolder:
     Raises `TablemapError` where there is no run.
     """
     folder = path if path.is_dir() else path.parent
-    if not (folder / "manifest.json").is_file() and (folder / "latest").exists():
-        folder = (folder / "latest").resolve()
+    latest = folder / "latest"
+    if not (folder / "manifest.json").is_file() and latest.is_symlink():
+        folder = latest.resolve()
+        if not folder.is_dir():
+            raise TablemapError(
+                f"the run that it names is gone; give another of its runs: {latest}"
+            )
     try:
         text = (folder / "manifest.json").read_text(encoding="utf-8")
         manifest = Manifest.model_validate_json(text)
@@ -206,6 +210,8 @@ def load_run(path: Path) -> RunFolder:
 
 def trajectory_tum(trajectory: Trajectory) -> str:
     """Return base poses as TUM lines: seconds, x y z, qx qy qz qw, nine decimals."""
+    import numpy as np
+
     lines = []
     for stamp, (x, y, yaw) in zip(trajectory.stamps_ns.tolist(), trajectory.poses, strict=True):
         seconds = f"{stamp // 10**9}.{stamp % 10**9:09d}"

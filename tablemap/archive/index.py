@@ -20,7 +20,7 @@ from tablemap.errors import TablemapError
 from tablemap.model import TableModel
 
 INDEX = ".index.json"
-SCHEMA = "tablemap/index/1"
+SCHEMA = "tablemap/index/2"
 
 Stamp = tuple[int, int, int, int]
 """Time of change (ns) and size of manifest.json, then of table.json; zeros where there is none."""
@@ -166,16 +166,32 @@ def _load(file: Path) -> dict[str, tuple[Stamp, RunRow]]:
         document: Any = json.loads(file.read_bytes())
         if document["schema"] != SCHEMA:
             return {}
-        return {row[0]: (tuple(stamp), RunRow(*row)) for stamp, row in document["runs"]}
+        held: dict[str, tuple[Stamp, RunRow]] = {}
+        names = document["names"]
+        for a, b, c, d, path, *words, known, values in document["runs"]:
+            recording, run = path.split("/")
+            figures = dict(zip(names[known], values, strict=True))
+            held[path] = (a, b, c, d), RunRow._make((path, recording, run, *words, figures))
     except (OSError, ValueError, LookupError, TypeError):
         return {}
+    return held
 
 
 def _save(file: Path, rows: dict[str, tuple[Stamp, RunRow]]) -> None:
-    document = {"schema": SCHEMA, "runs": list(rows.values())}
+    """Write the index: a line of values a run; the names of figures once for all that share them.
+
+    It is read whole at every listing, so its size is what a listing costs.
+    """
+    names: dict[tuple[str, ...], int] = {}
+    lines = []
+    for stamp, row in rows.values():
+        known = names.setdefault(tuple(row.figures), len(names))
+        words = row[3:-1]  # path says recording and run
+        lines.append((*stamp, row.path, *words, known, list(row.figures.values())))
+    document = {"schema": SCHEMA, "names": list(names), "runs": lines}
     temporary = file.with_name(f"{file.name}.{os.getpid()}.part")
     try:
-        temporary.write_text(json.dumps(document), encoding="utf-8")
+        temporary.write_text(json.dumps(document, separators=(",", ":")), encoding="utf-8")
         temporary.replace(file)
     except OSError:  # a folder that may only be read is listed all the same
         with contextlib.suppress(OSError):

@@ -50,7 +50,8 @@ class Selection:
         Raises `ConfigError` for a date or condition that cannot be read, or an unknown figure.
         """
         rows = list(rows)
-        names = {name for row in rows for name in row.figures}
+        by_figure = self.where or self.sort.removeprefix("-") not in WORDS
+        names = {name for row in rows for name in row.figures} if by_figure else set()
         conditions = [_condition(text, names) for text in self.where]
         since = _time(self.since, end=False) if self.since else None
         until = _time(self.until, end=True) if self.until else None

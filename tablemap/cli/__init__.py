@@ -19,4 +19,6 @@ __all__ = ["app", "main"]
 
 for command in (process, info, view, export, simulate, evaluate, config):
     app.command()(command)
-app.add_typer(runs_app, name="runs", help="List, compare, check, repeat, remove and move runs.")
+app.add_typer(
+    runs_app, name="runs", help="List, compare, check, repeat, remove, move and serve runs."
+)

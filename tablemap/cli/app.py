@@ -38,12 +38,15 @@ def main() -> None:
     except Exception as error:
         if "--debug" in sys.argv:
             raise
-        sentence = str(error) if isinstance(error, TablemapError) else _defect(error)
-        typer.echo(f"tablemap: {sentence}", err=True)
+        typer.echo(f"tablemap: {_sentence(error)}", err=True)
         sys.exit(2 if isinstance(error, ConfigError) else 1)
 
 
-def _defect(error: Exception) -> str:
+def _sentence(error: Exception) -> str:
+    if isinstance(error, TablemapError):
+        return str(error)
+    if isinstance(error, OSError) and error.strerror:  # the disk's word, met outside a run
+        return f"{error.strerror}{f': {error.filename}' if error.filename else '.'}"
     return (
         f"this is a defect of tablemap: {type(error).__name__}: {error}; "
         "run again with --debug and report what it prints."

@@ -100,13 +100,18 @@ def _cases(total: int) -> Iterator[Callable[[RunScore], None]]:
 
     console = stderr_console()
     with Progress(
-        BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=console, transient=True
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
     ) as bar:
         task = bar.add_task("", total=total)
 
         def progress(run: RunScore) -> None:
             bar.advance(task)
             if run.error:
-                bar.print(f"{run.scenario} {run.seed} {run.method} failed: {run.error}")
+                console.print(f"{run.scenario} {run.seed} {run.method} failed: {run.error}")
 
         yield progress

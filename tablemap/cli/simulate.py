@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
-from tablemap.cli.options import Debug
+from tablemap.cli.options import Debug, Json
 
 
 def simulate(
@@ -25,6 +26,7 @@ def simulate(
         Literal["ros1", "ros2"], typer.Option("--profile", help="Messages of ROS 1 or ROS 2.")
     ] = "ros1",
     listing: Annotated[bool, typer.Option("--list", help="List the scenarios instead.")] = False,
+    as_json: Json = False,
     debug: Debug = False,
 ) -> None:
     """Write a recording of a simulated table, and NAME.truth.json beside it."""
@@ -32,11 +34,13 @@ def simulate(
     from tablemap.simulation import simulate as simulate_scenario
 
     if listing:
-        for name in scenario_names():
-            typer.echo(name)
+        names = scenario_names()
+        typer.echo(json.dumps(list(names)) if as_json else "\n".join(names))
         return
     if not scenario or output is None:
         raise typer.BadParameter("give a SCENARIO and --output FILE, or --list.")
     world = simulate_scenario(load_scenario(scenario), seed=seed, nominal=nominal)
     write(world, output, profile=profile)
-    typer.echo(output)
+    truth = output.with_name(f"{output.stem}.truth.json")
+    document = {"recording": str(output), "truth": str(truth)}
+    typer.echo(json.dumps(document) if as_json else output)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from tablemap.cli.options import Debug
+from tablemap.cli.options import Debug, Json
 
 
 def view(
@@ -26,10 +27,12 @@ def view(
         str | None,
         typer.Option(
             "--tab",
-            help="Of the picture: Overview, Views, Registration, Surface, Legs or Timings.",
+            help="Of the picture: Overview, Views, Odometry, Registration, Pairs, Surface, Legs "
+            "or Timings.",
             metavar="NAME",
         ),
     ] = None,
+    as_json: Json = False,
     debug: Debug = False,
 ) -> None:
     """Open a RUN in the Rerun Viewer."""
@@ -46,10 +49,12 @@ def view(
 
         for problem in still(run, picture, tab=tab or "Overview"):
             typer.echo(f"warning: {problem}", err=True)
-        typer.echo(picture)
+        typer.echo(json.dumps({"picture": str(picture)}) if as_json else picture)
     elif web:
         with viewer.served(run) as (url, server):
-            typer.echo(url)
+            typer.echo(json.dumps({"url": url}) if as_json else url)
             server.wait()
     else:
-        viewer.open_viewer(run)
+        opened = viewer.open_viewer(run)
+        if as_json:
+            typer.echo(json.dumps({"pid": opened.pid}))

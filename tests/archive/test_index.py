@@ -66,13 +66,14 @@ def test_what_changed_is_read_again(runs: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "[]", "{", '{"schema": "tablemap/index/1", "runs": [[[1, 2, 3, 4], []]]}']
+    "text",
+    ["", "[]", "{", '{"schema": "tablemap/index/2", "names": [], "runs": [[1, 2, 3, 4, "a/b"]]}'],
 )
 def test_a_damaged_index_is_built_again(runs: Path, text: str) -> None:
     """It is never the truth."""
     (runs / INDEX).write_text(text)
     assert list_runs(runs) == scan_runs(runs)
-    assert json.loads((runs / INDEX).read_text())["schema"] == "tablemap/index/1"
+    assert json.loads((runs / INDEX).read_text())["schema"] == "tablemap/index/2"
 
 
 def test_damage_is_said_in_the_row(runs: Path) -> None:
