@@ -10,12 +10,16 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from tablemap.archive import load_run
+    from tablemap.archive.comparison import compare
+    from tablemap.archive.index import list_runs
+    from tablemap.archive.verification import verify
     from tablemap.config import Config, load_config
     from tablemap.errors import TablemapError
+    from tablemap.export import export_model, export_run
     from tablemap.model import TableModel
     from tablemap.pipeline import process
-    from tablemap.recording import open_recording
-    from tablemap.running import run
+    from tablemap.recording import inspect, open_recording
+    from tablemap.running import reprocess, run
 
 __version__ = "0.1.0"
 
@@ -23,22 +27,36 @@ _HOMES = {
     "Config": "tablemap.config",
     "TableModel": "tablemap.model",
     "TablemapError": "tablemap.errors",
+    "compare": "tablemap.archive.comparison",
+    "export_model": "tablemap.export",
+    "export_run": "tablemap.export",
+    "inspect": "tablemap.recording",
+    "list_runs": "tablemap.archive.index",
     "load_config": "tablemap.config",
     "load_run": "tablemap.archive",
     "open_recording": "tablemap.recording",
     "process": "tablemap.pipeline",
+    "reprocess": "tablemap.running",
     "run": "tablemap.running",
+    "verify": "tablemap.archive.verification",
 }
 
 __all__ = [
     "Config",
     "TableModel",
     "TablemapError",
+    "compare",
+    "export_model",
+    "export_run",
+    "inspect",
+    "list_runs",
     "load_config",
     "load_run",
     "open_recording",
     "process",
+    "reprocess",
     "run",
+    "verify",
 ]
 
 
@@ -46,3 +64,7 @@ def __getattr__(name: str) -> object:
     if name not in _HOMES:
         raise AttributeError(f"module 'tablemap' has no attribute {name!r}")
     return getattr(import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
