@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tablemap.geometry import Floats
+from tablemap.geometry import Floats, transform
 from tablemap.registration.pairs import Cloud, make_cloud
 from tablemap.snapshots import Snapshot
 
@@ -18,16 +18,16 @@ _AZIMUTHS = 18
 _LEAST_POINTS = 60
 
 
-def upright_cloud(snapshot: Snapshot, *, maximum_range: float, points: int) -> Cloud | None:
-    """Return up to ``points`` points in the base, their normals' azimuths balanced, or None.
-
-    Sparse directions keep all that they have, so that one large wall does not outvote the rest.
-    """
+def upright_cloud(snapshot: Snapshot, *, maximum_range: float) -> Cloud | None:
+    """Return what stands upright as points in the base, one a voxel, or None where little does."""
     import open3d
 
     every = snapshot.depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]
     seen = np.isfinite(every) & (every > 0) & (every < maximum_range)
-    in_base = snapshot.points_in_base()[::_EVERY_PIXEL, ::_EVERY_PIXEL][seen]
+    rays = snapshot.camera.rays[::_EVERY_PIXEL, ::_EVERY_PIXEL][seen]
+    in_base = transform(snapshot.base_from_camera, rays * every[seen, None])
+    # Floor is no use; what it lends to the normals of what stands on it, none either.
+    in_base = in_base[in_base[:, 2] > _LEAST_HEIGHT / 2]
     if len(in_base) < _LEAST_POINTS:
         return None
     cloud = open3d.geometry.PointCloud()
@@ -45,8 +45,16 @@ def upright_cloud(snapshot: Snapshot, *, maximum_range: float, points: int) -> C
     places, normals = places[upright], normals[upright]
     if len(places) < _LEAST_POINTS:
         return None
-    kept = balanced(np.arctan2(normals[:, 1], normals[:, 0]), points)
-    return make_cloud(places[kept], normals[kept])
+    return make_cloud(places, normals)
+
+
+def balanced_cloud(cloud: Cloud, points: int) -> Cloud:
+    """Return up to ``points`` of a cloud's points, their normals' azimuths balanced.
+
+    Sparse directions keep all that they have, so that one large wall does not outvote the rest.
+    """
+    kept = balanced(np.arctan2(cloud.normals[:, 1], cloud.normals[:, 0]), points)
+    return make_cloud(cloud.points[kept], cloud.normals[kept])
 
 
 def balanced(azimuths: Floats, wanted: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:

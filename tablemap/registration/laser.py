@@ -1,4 +1,7 @@
-"""Registration by the laser: pairs, graph, joint polish, check, and a search where it fails."""
+"""Registration by the laser: pairs, graph, joint polish, check, and a search where it fails.
+
+Stops that the laser leaves open are tied to the others by depth.
+"""
 
 from __future__ import annotations
 
@@ -20,6 +23,7 @@ from tablemap.registration.graph import (
     relative_covariance,
     solve_graph,
 )
+from tablemap.registration.joined import checked_by_depth, depth_edges, depth_pairs, open_stops
 from tablemap.registration.pairs import Cloud, align_laser_pair, laser_clouds
 from tablemap.registration.polish import polish
 from tablemap.registration.results import Pair, StopCheck, StopScan
@@ -60,12 +64,16 @@ def register_laser(
     config: RegistrationConfig,
     record: Record,
 ) -> Solution:
-    """Register the stops by their scans from ``initial`` (n, 3); search where that failed."""
+    """Register the stops by their scans from ``initial`` (n, 3); search where that failed.
+
+    Depth joins where it informs: at stops without a scan, or that the laser and the odometry leave
+    looser than a pair of depth views is.
+    """
     edges = odometry_edges(snapshots, odometry)
     anchors = localisation_anchors(snapshots, config)
     clouds = {i: laser_clouds(stop) for i, stop in enumerate(stops) if stop is not None}
     aligned: dict[tuple[int, int], Pair] = {}
-    attempt = _attempt(stops, clouds, initial, edges, anchors, aligned, config, record)
+    attempt = _attempt(stops, clouds, initial, edges, [], anchors, aligned, config, record)
     warnings: list[ProcessWarning] = []
     tried: set[int] = set()
     for _ in range(_SEARCH_ROUNDS):
@@ -82,7 +90,12 @@ def register_laser(
                 )
             )
         aligned = {k: v for k, v in aligned.items() if not set(k) & set(moved)}
-        attempt = _attempt(stops, clouds, start, edges, anchors, aligned, config, record)
+        attempt = _attempt(stops, clouds, start, edges, [], anchors, aligned, config, record)
+    loose = open_stops(stops, attempt.covariance)
+    if loose:
+        depth = depth_pairs(snapshots, attempt.poses, loose, config=config, record=record)
+        start = attempt.poses
+        attempt = _attempt(stops, clouds, start, edges, depth, anchors, aligned, config, record)
     spread = float(np.median([_reach(stop) for stop in stops if stop is not None]))
     return Solution(
         poses=attempt.poses,
@@ -100,12 +113,16 @@ def _attempt(
     clouds: dict[int, tuple[Cloud, Cloud]],
     start: Floats,
     edges: Sequence[Edge],
+    depth: Sequence[Pair],
     anchors: Sequence[Anchor],
     aligned: dict[tuple[int, int], Pair],
     config: RegistrationConfig,
     record: Record,
 ) -> _Attempt:
-    """Align the pairs that are not yet in ``aligned``, solve the graph, polish and check."""
+    """Align the pairs that are not yet in ``aligned``, solve the graph, polish and check.
+
+    ``edges`` are the odometry's, ``depth`` the pairs of views that join.
+    """
     located = pose_list(start)
     chosen = choose_pairs(stops, start, config)
     for source, target in chosen:
@@ -132,21 +149,27 @@ def _attempt(
         )
         for pair in good
     ]
-    graph = solve_graph(start, [*edges, *pair_edges], anchors)
-    edge_weights = graph.edge_weights[: len(edges)]
-    kept = dict(zip(map(id, good), graph.edge_weights[len(edges) :], strict=True))
+    views = [pair for pair in depth if pair.used]
+    holding = [*edges, *depth_edges(views)]
+    graph = solve_graph(start, [*holding, *pair_edges], anchors)
+    weights = graph.edge_weights
+    kept = dict(zip(map(id, [*views, *good]), weights[len(edges) :], strict=True))
     judged = tuple(judge_pair(pair, kept.get(id(pair)), graph.poses) for pair in pairs)
+    joined = tuple(judge_pair(pair, kept.get(id(pair)), graph.poses) for pair in depth)
     held = [
         replace(edge, information=edge.information * weight)
-        for edge, weight in zip(edges, edge_weights, strict=True)
+        for edge, weight in zip(holding, weights[: len(holding)], strict=True)
     ]
     used = [(pair.source, pair.target) for pair in judged if pair.used]
     polished = polish(stops, graph.poses, used, held, config=config)
-    checks = check_stops(stops, polished.poses, chosen)
+    checks = tuple(
+        checked_by_depth(check, joined) if depth and stops[check.index] is None else check
+        for check in check_stops(stops, polished.poses, chosen)
+    )
     return _Attempt(
         poses=polished.poses,
         covariance=relative_covariance(polished.poses, polished.covariance),
-        pairs=(*judged, *odometry_pairs(edges, edge_weights)),
+        pairs=(*judged, *joined, *odometry_pairs(edges, weights[: len(edges)])),
         checks=checks,
     )
 
