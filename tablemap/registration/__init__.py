@@ -6,9 +6,18 @@ from tablemap.registration.register import register
 from tablemap.registration.results import (
     Pair,
     PairIteration,
+    PairStarted,
     Registration,
     StopCheck,
     StopScan,
 )
 
-__all__ = ["Pair", "PairIteration", "Registration", "StopCheck", "StopScan", "register"]
+__all__ = [
+    "Pair",
+    "PairIteration",
+    "PairStarted",
+    "Registration",
+    "StopCheck",
+    "StopScan",
+    "register",
+]

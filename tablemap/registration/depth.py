@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tablemap.config import OutlineConfig, RegistrationConfig
-from tablemap.errors import EstimationError, ProcessWarning
+from tablemap.config import RegistrationConfig
+from tablemap.errors import EstimationError
 from tablemap.geometry import Floats, Pose2
 from tablemap.odometry import Odometry
+from tablemap.outline import Outline
 from tablemap.record import Record
-from tablemap.registration.depth_cloud import upright_cloud
+from tablemap.registration.depth_check import check_views
+from tablemap.registration.depth_cloud import balanced_cloud, upright_cloud
+from tablemap.registration.depth_edges import lay_edges, table_edges
+from tablemap.registration.depth_heading import check_headings
+from tablemap.registration.depth_held import (
+    PAIR_SIGMA,
+    contradicted,
+    held_edges,
+    odometry_report,
+)
+from tablemap.registration.depth_search import search_failed, searched
+from tablemap.registration.depth_sight import make_sight
 from tablemap.registration.graph import (
     Anchor,
     Edge,
@@ -22,8 +33,8 @@ from tablemap.registration.graph import (
     relative_covariance,
     solve_graph,
 )
-from tablemap.registration.pairs import Cloud, align_depth_pair
-from tablemap.registration.polish import Polished, polish
+from tablemap.registration.pairs import Cloud, align_depth_pair, thinned
+from tablemap.registration.polish import Polished
 from tablemap.registration.results import Pair, StopCheck, StopScan
 from tablemap.registration.solution import (
     Solution,
@@ -31,20 +42,16 @@ from tablemap.registration.solution import (
     judge_pair,
     localisation_anchors,
     odometry_edges,
-    odometry_pairs,
     pose_list,
 )
-from tablemap.segmentation import Segmentation
 from tablemap.snapshots import Snapshot
 
 _GAPS = (1, 2, 3, 5, 8)
 _OVERLAP_REACH = 0.2
 _OVERLAP_POINTS = 150
 _PAIR_ROBUST = 9.0
-_LEAST_EDGE_POINTS = 15
-_INDEPENDENT_PAIRS = 4
-_PAIR_SIGMA = (0.01, 0.01, 0.005)  # no depth pair is believed further than this
-_EDGE_SETTLED = 1e-4  # a tenth of a millimetre: what is left of it is noise
+_LEAST_FITNESS = 0.1  # less of a view's points find a partner anywhere, by chance
+_SAME_PLACE, _SAME_TURN = 0.03, np.radians(1.0)
 # A tilt t lifts the floor at d by d t and shifts what lies on a plane c lower by (c + x x / c) t.
 _SIDEWAYS = 1.5
 _FLOOR_STRIDE = 6
@@ -54,12 +61,11 @@ _LEAST_FLOOR = 100
 
 def register_depth(
     snapshots: tuple[Snapshot, ...],
-    segmentation: Segmentation,
+    find_outline: Callable[[], Outline],
     odometry: Odometry,
     initial: Floats,
     *,
     config: RegistrationConfig,
-    seed: int,
     record: Record,
 ) -> Solution:
     """Register the views by their depth from ``initial`` (n, 3), as far as it can be trusted.
@@ -69,135 +75,98 @@ def register_depth(
     of this shows is a wrong focal length: it shifts all that a view sees by that share of its
     distance, and is the systematic part.
     """
-    clouds = {}
-    for i, snapshot in enumerate(snapshots):
-        cloud = upright_cloud(
-            snapshot, maximum_range=config.depth_range, points=config.depth_points
-        )
-        if cloud is not None:
-            clouds[i] = cloud
+    uprights = {
+        i: cloud
+        for i, snapshot in enumerate(snapshots)
+        if (cloud := upright_cloud(snapshot, maximum_range=config.depth_range)) is not None
+    }
+    clouds = {i: balanced_cloud(cloud, config.depth_points) for i, cloud in uprights.items()}
+    # Where many pairs say the same, half the points do.
+    most = config.depth_points // (2 if len(clouds) > config.partners else 1)
+    sources = {i: thinned(cloud, most) for i, cloud in clouds.items()}
     edges = odometry_edges(snapshots, odometry)
     anchors = localisation_anchors(snapshots, config)
     graph = solve_graph(initial, edges, anchors)
     pairs: list[Pair] = []
+    aligned: dict[tuple[int, int], Pair] = {}
     for round_ in range(config.depth_rounds):
         located = pose_list(graph.poses)
-        chosen = choose_views(clouds, located, config)
-        pairs = [
-            align_depth_pair(
+        for source, target, kind in choose_views(clouds, located, config):
+            start = located[target].inverse() @ located[source]
+            before = aligned.get((source, target))
+            if before is not None and _settled(before.target_from_source, start):
+                continue
+            aligned[source, target] = align_depth_pair(
                 source,
                 target,
                 kind,
-                (clouds[source], clouds[target]),
-                located[target].inverse() @ located[source],
+                (sources[source], clouds[target]),
+                start,
                 # What the graph has laid right needs no wide gate again.
                 gates=config.depth_gates[min(round_, len(config.depth_gates) - 1) :],
                 kernel=config.depth_kernel,
                 most_points=config.depth_pair_points,
                 record=record,
             )
-            for source, target, kind in chosen
-        ]
-        graph, pairs = _solve(graph, pairs, edges, anchors)
-    held = _held(graph, pairs, edges)
-    outlines = table_edges(snapshots, segmentation)
-    polished = _polish(outlines, graph, held, config)
+        graph, pairs = _solve(graph, list(aligned.values()), edges, anchors)
+    try:
+        outline = find_outline()
+    except EstimationError:
+        outline = None
+    table = table_edges(snapshots, outline)
+    held = held_edges(graph, pairs, edges)
+    laid = lay_edges(table, graph.poses, held, config)
+    checked = check_views(outline, table, laid.polished.poses)
+    laid, checked, found = search_failed(outline, table, held, laid, checked, config)
+    pairs = contradicted(pairs, laid.kept[len(edges) :])
+    polished = laid.polished
     poses, covariance = polished.poses, polished.covariance
-    steps = np.linalg.norm(
-        (poses - graph.poses)[:, :2] - (poses - graph.poses)[:, :2].mean(0), axis=1
-    )
-    warnings: list[ProcessWarning] = []
-    if steps.max(initial=0.0) > config.depth_largest_step:
-        poses, covariance = graph.poses, graph.covariance
-        message = (
-            f"the table's edges would move a snapshot by {steps.max():.2f} m; they are not used, "
-            "and the snapshots' poses rest on odometry, localisation and depth pairs"
-        )
-        warnings.append(ProcessWarning("accuracy.registration_unchecked", "registration", message))
+    moved = odometry_report(edges, graph, poses)
+    sights = {
+        i: make_sight(snapshots[i], cloud, maximum_range=config.depth_range)
+        for i, cloud in uprights.items()
+    }
+    # A localisation that stands in for odometry errs by itself at every view.
+    independent = odometry.source != "localisation"
+    ties = [(pair.source, pair.target) for pair in moved if pair.used and independent]
+    checks, doubts = check_headings(checked, sights, table, poses, ties)
     informed = any(pair.used for pair in pairs) or polished.matched.any()
     return Solution(
         poses=poses,
         covariance=relative_covariance(poses, covariance + _tilt_covariance(snapshots)),
-        pairs=(*pairs, *odometry_pairs(edges, graph.edge_weights[: len(edges)])),
-        checks=_checks(pairs, polished, steps, len(snapshots)),
+        pairs=(*pairs, *moved),
+        checks=_with_context(checks, pairs, polished, graph),
         source="depth" if informed else "localisation",
-        systematic=config.depth_focal_sigma * _reach(outlines, poses),
-        warnings=tuple(warnings),
+        systematic=config.depth_focal_sigma * _reach(table, poses),
+        warnings=(*searched(found, snapshots), *doubts),
     )
 
 
-def table_edges(
-    snapshots: tuple[Snapshot, ...], segmentation: Segmentation
-) -> tuple[StopScan | None, ...]:
-    """Return each view's edge of the top as a scan of it, None where the view shows none.
-
-    Its ``directions`` are the points' offsets from the camera: along them a depth scale moves them.
-    """
-    from tablemap.outline import EdgeKind, find_edges
-
-    try:
-        outline = find_edges(snapshots, segmentation, None, config=OutlineConfig())
-    except EstimationError:
-        return (None,) * len(snapshots)
-    at = {snapshot.index: place for place, snapshot in enumerate(snapshots)}
-    scans: list[StopScan | None] = [None] * len(snapshots)
-    for view in outline.views:
-        real = (view.kind == EdgeKind.TABLE) & np.isfinite(view.points).all(axis=1)
-        if real.sum() < _LEAST_EDGE_POINTS:
-            continue
-        scans[at[view.index]] = StopScan(
-            index=view.index,
-            points=view.points[real],
-            normals=view.normals[real],
-            scans=1,
-            directions=view.points[real] - view.camera_xy,
-            origin=view.camera_xy,
-            bearings=np.zeros(0),
-            ranges=np.zeros(0),
-            noise=float(np.median(view.sigma[real])),
-        )
-    return tuple(scans)
+def _settled(found: Pose2, start: Pose2) -> bool:
+    """Tell whether aligning again from ``start`` would find what was found."""
+    step = found.inverse() @ start
+    return bool(np.hypot(step.x, step.y) < _SAME_PLACE and abs(step.yaw) < _SAME_TURN)
 
 
-def _polish(
-    outlines: tuple[StopScan | None, ...],
-    graph: GraphSolution,
-    held: Sequence[Edge],
-    config: RegistrationConfig,
-) -> Polished:
-    """Lay the outlines of all views onto each other, over what the graph knows."""
-    present = [i for i, outline in enumerate(outlines) if outline is not None]
-    pairs = [(b, a) for a, b in itertools.combinations(present, 2)]
-    if len(present) > config.partners:
-        # Neighbours, and a few from all round: the rest says the same again.
-        apart = max(1, 2 * len(present) // config.partners)
-        pairs = [(b, a) for b, a in pairs if b - a <= 2 or (b - a) % apart == 0]
-    edge_config = config.model_copy(
-        update={
-            "range_bias_sigma": config.depth_scale_sigma,
-            "correlation": config.edge_correlation,
-        }
-    )
-    return polish(outlines, graph.poses, pairs, held, config=edge_config, settled=_EDGE_SETTLED)
-
-
-def _held(graph: GraphSolution, pairs: Sequence[Pair], edges: Sequence[Edge]) -> list[Edge]:
-    """Return what the graph believed, as far as it did, the odometry freed of its yaw scale."""
-    held = []
-    for edge, weight in zip(edges, graph.edge_weights[: len(edges)], strict=True):
-        step = edge.target_from_source
-        scale = graph.yaw_scale if edge.turns_with_scale else 0.0
-        turned = Pose2(step.x, step.y, step.yaw * (1 + scale))
-        held.append(replace(edge, target_from_source=turned, information=weight * edge.information))
+def _with_context(
+    checks: Sequence[StopCheck], pairs: Sequence[Pair], polished: Polished, graph: GraphSolution
+) -> tuple[StopCheck, ...]:
+    """Return the checks with what their poses rest on, and how far the edges moved them."""
     used = [pair for pair in pairs if pair.used]
-    views = len({index for pair in used for index in (pair.source, pair.target)})
-    # A view errs alike in all its pairs: more than a few of them add little.
-    share = min(1.0, _INDEPENDENT_PAIRS * max(views, 1) / max(2 * len(used), 1))
-    held += [
-        Edge(p.source, p.target, p.target_from_source, share * floored(p.information, _PAIR_SIGMA))
-        for p in used
-    ]
-    return held
+    steps = (polished.poses - graph.poses)[:, :2]
+    moved = np.linalg.norm(steps - steps.mean(axis=0), axis=1)
+    return tuple(
+        replace(
+            check,
+            statistics={
+                **check.statistics,
+                "pairs": float(sum(check.index in (p.source, p.target) for p in used)),
+                "edge_rms": polished.rms,
+                "moved": float(moved[check.index]),
+            },
+        )
+        for check in checks
+    )
 
 
 def _reach(outlines: Sequence[StopScan | None], poses: Floats) -> float:
@@ -230,26 +199,6 @@ def _tilt_covariance(snapshots: Sequence[Snapshot]) -> Floats:
     return np.diag(np.tile(np.square([sideways, sideways, 0.0]), len(snapshots)))
 
 
-def _checks(
-    pairs: Sequence[Pair], polished: Polished, steps: Floats, count: int
-) -> tuple[StopCheck, ...]:
-    used = [pair for pair in pairs if pair.used]
-    return tuple(
-        StopCheck(
-            i,
-            True,
-            {
-                "pairs": float(sum(i in (pair.source, pair.target) for pair in used)),
-                "edge_points": float(polished.matched[i]),
-                "edge_rms": polished.rms,
-                "moved": float(steps[i]),
-            },
-            (),
-        )
-        for i in range(count)
-    )
-
-
 def choose_views(
     clouds: dict[int, Cloud], located: Sequence[Pose2], config: RegistrationConfig
 ) -> list[tuple[int, int, str]]:
@@ -278,13 +227,13 @@ def choose_views(
 def _solve(
     graph: GraphSolution, pairs: Sequence[Pair], edges: Sequence[Edge], anchors: Sequence[Anchor]
 ) -> tuple[GraphSolution, list[Pair]]:
-    good = [pair for pair in pairs if pair.used]
+    good = [pair for pair in pairs if pair.used and pair.fitness >= _LEAST_FITNESS]
     pair_edges = [
         Edge(
             p.source,
             p.target,
             p.target_from_source,
-            floored(p.information, _PAIR_SIGMA),
+            floored(p.information, PAIR_SIGMA),
             robust=_PAIR_ROBUST,
         )
         for p in good

@@ -96,6 +96,11 @@ def edge_errors(poses: Floats, edges: Sequence[Edge]) -> Floats:
     return _edge_terms(poses, 0.0, edges, 1.0)[0]
 
 
+def edge_weights(poses: Floats, edges: Sequence[Edge]) -> Floats:
+    """Return (e,): the weight in [0, 1] that ``poses`` (n, 3) leave to each edge."""
+    return _edge_terms(poses, 0.0, edges, 1.0)[1]
+
+
 def edge_error(poses: Floats, edge: Edge) -> Floats:
     """Return (3,): how far ``poses`` (n, 3) put the source from where the edge has it."""
     error, _ = _edge_terms(poses, 0.0, [edge], 1.0)

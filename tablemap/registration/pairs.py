@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from tablemap.geometry import Floats, Pose2
 from tablemap.record import Record
-from tablemap.registration.results import Pair, PairIteration, StopScan
+from tablemap.registration.results import Pair, PairIteration, PairStarted, StopScan
 
 _ITERATIONS_A_GATE = 5
 _SOURCE_POINTS = 360
@@ -47,11 +47,16 @@ def make_cloud(points: Floats, normals: Floats) -> Cloud:
     return Cloud(points, normals, handle, cKDTree(points))
 
 
+def thinned(cloud: Cloud, most: int) -> Cloud:
+    """Return at most ``most`` of a cloud's points, evenly in their order."""
+    every = max(1, -(-len(cloud.points) // most))
+    return cloud if every == 1 else make_cloud(cloud.points[::every], cloud.normals[::every])
+
+
 def laser_clouds(stop: StopScan) -> tuple[Cloud, Cloud]:
     """Return a stop's cloud as source, thinned, and as target."""
-    every = max(1, -(-len(stop.points) // _SOURCE_POINTS))
-    thinned = make_cloud(stop.points[::every], stop.normals[::every])
-    return thinned, make_cloud(stop.points, stop.normals)
+    whole = make_cloud(stop.points, stop.normals)
+    return thinned(whole, _SOURCE_POINTS), whole
 
 
 def align_laser_pair(
@@ -72,6 +77,7 @@ def align_laser_pair(
     once = icp.ICPConvergenceCriteria(max_iteration=1)
     source_cloud, target_cloud = clouds
     pose = target_from_source
+    record(PairStarted(source, target, pose, source_cloud.points, target_cloud.points))
     iteration = 0
     for gate in gates:
         loss = icp.GMLoss(max(kernel, gate / 3))
@@ -130,6 +136,7 @@ def align_depth_pair(
     """
     prior = np.diag(1.0 / np.square(_DEPTH_PRIOR))
     pose, iteration, gate = target_from_source, 0, gates[0]
+    record(PairStarted(source, target, pose, clouds[0].points, clouds[1].points))
     for gate in gates:
         scale = max(kernel, gate / 3)
         for _ in range(_ITERATIONS_A_GATE):

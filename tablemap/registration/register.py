@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from threadpoolctl import threadpool_limits
 
@@ -9,6 +11,7 @@ from tablemap.config import RegistrationConfig
 from tablemap.errors import EstimationError, ProcessWarning
 from tablemap.geometry import Floats, Pose2
 from tablemap.odometry import Odometry
+from tablemap.outline import Outline
 from tablemap.record import Record
 from tablemap.recording import Recording
 from tablemap.registration.depth import register_depth
@@ -17,7 +20,6 @@ from tablemap.registration.placement import bend_trajectory, place_in_map
 from tablemap.registration.results import Registration, StopScan
 from tablemap.registration.solution import Solution
 from tablemap.registration.stops import stop_scan
-from tablemap.segmentation import Segmentation
 from tablemap.snapshots import Snapshot
 
 _LEAST_STOP_POINTS = 40
@@ -27,18 +29,18 @@ _WANDERS = 0.10  # metres: a localisation that spreads further is worth a warnin
 def register(
     recording: Recording,
     snapshots: tuple[Snapshot, ...],
-    segmentation: Segmentation,
     odometry: Odometry,
     *,
+    edges: Callable[[], Outline],
     config: RegistrationConfig,
-    seed: int,
     record: Record,
 ) -> Registration:
     """Place all snapshots in the map, relative to each other to millimetres, and check it.
 
-    From the laser's stop scans where there are any, else from what the depth images show upright,
-    else from the localisation. Every ICP iteration goes to ``record``, and so does the result.
-    Nothing here is random; ``seed`` is Open3D's. Raises `EstimationError` without any snapshot.
+    From the laser's stop scans where there are any, else from what the depth images show upright
+    and the table's ``edges``, which are asked for only then, else from the localisation. Every
+    stop's scan and every ICP iteration go to ``record``. Nothing here is random. Raises
+    `EstimationError` without any snapshot.
     """
     if not snapshots:
         raise EstimationError("expected at least one snapshot to register, found none")
@@ -47,13 +49,16 @@ def register(
     # Small systems: threads cost more than they give, and one thread repeats.
     with threadpool_limits(limits=1):
         stops = _stop_scans(recording, snapshots, odometry, config)
+        for stop in stops:
+            if stop is not None:
+                record(stop)
         if sum(stop is not None for stop in stops) >= 2:
             solution = register_laser(
                 stops, snapshots, odometry, initial, config=config, record=record
             )
         else:
             solution = register_depth(
-                snapshots, segmentation, odometry, initial, config=config, seed=seed, record=record
+                snapshots, edges, odometry, initial, config=config, record=record
             )
         fit, placement = place_in_map(solution.poses, localised)
     poses = tuple(fit @ Pose2.from_array(pose) for pose in solution.poses)
@@ -115,12 +120,15 @@ def _missing(
 ) -> list[ProcessWarning]:
     if solution.source != "laser":
         return []
-    message = "no usable laser scan at this snapshot; it is not used"
-    return [
-        ProcessWarning("registration.no_scan", "registration", message, snapshot.stamp_ns)
-        for stop, snapshot in zip(stops, snapshots, strict=True)
-        if stop is None
-    ]
+    warnings = []
+    for stop, snapshot, check in zip(stops, snapshots, solution.checks, strict=True):
+        if stop is None:
+            fate = "depth ties it to the others" if check.passed else "it is not used"
+            message = f"no usable laser scan at this snapshot; {fate}"
+            warnings.append(
+                ProcessWarning("registration.no_scan", "registration", message, snapshot.stamp_ns)
+            )
+    return warnings
 
 
 def _doubts(

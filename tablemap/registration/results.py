@@ -31,8 +31,22 @@ class StopScan:
 
 
 @dataclass(frozen=True, eq=False)
+class PairStarted:
+    """Event: a pair's ICP begins, at ``target_from_source``.
+
+    ``source_points`` and ``target_points`` (n, 3) are what it aligns, each in its stop's base.
+    """
+
+    source: int
+    target: int
+    target_from_source: Pose2
+    source_points: Floats
+    target_points: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class PairIteration:
-    """Event: one ICP iteration of a pair."""
+    """Event: one ICP iteration of the pair that was started last."""
 
     source: int
     target: int
