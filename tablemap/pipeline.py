@@ -88,9 +88,7 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
     @cache
     def edges(segmentation: Segmentation) -> Outline:
         # Within each view, so before its stage too: without a laser they are what is registered.
-        return find_edges(
-            snapshots, segmentation, None, config=config.outline, calibration=calibration
-        )
+        return find_edges(snapshots, segmentation, config=config.outline, calibration=calibration)
 
     with stage("registration"):
         registration = register(

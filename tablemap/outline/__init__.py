@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,9 +18,6 @@ from tablemap.outline.types import EdgeKind, Outline, TopScale, ViewEdges
 from tablemap.outline.votes import vote
 from tablemap.segmentation import Segmentation
 from tablemap.snapshots import Snapshot
-
-if TYPE_CHECKING:
-    from tablemap.registration import Registration
 
 __all__ = ["EdgeKind", "Outline", "TopScale", "ViewEdges", "find_edges"]
 
@@ -42,7 +38,6 @@ class _TracedView:
 def find_edges(
     snapshots: tuple[Snapshot, ...],
     segmentation: Segmentation,
-    registration: Registration | None,
     *,
     config: OutlineConfig,
     calibration: Calibration | None = None,
@@ -50,11 +45,10 @@ def find_edges(
     """Find sub-pixel edge points of the top in every used view and say what made each.
 
     ``snapshots`` are the calibrated ones; with ``calibration`` its covariance joins the height's
-    sigma. The edges stay in each view's base frame, so ``registration`` does not enter.
+    sigma. The edges stay in each view's base frame: they need no registration.
 
     Raises `EstimationError` where no view shows enough of the top.
     """
-    del registration
     by_index = {snapshot.index: snapshot for snapshot in snapshots}
     used = [view for view in segmentation.views if view.sees_table and view.index in by_index]
     warnings: list[ProcessWarning] = []

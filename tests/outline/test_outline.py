@@ -25,7 +25,6 @@ def outline_of(scene: Scene, *mounts: np.ndarray, seed: int = 0) -> Outline:
     return find_edges(
         tuple(snapshot for snapshot, _ in shots),
         segmentation_of([view for _, view in shots], scene.top.high),
-        None,
         config=CONFIG,
     )
 
@@ -187,7 +186,6 @@ def test_missing_depth_is_no_table_edge() -> None:
     outline = find_edges(
         (replace(snapshot, depth=depth),),
         segmentation_of([replace(view, labels=labels)], 0.745),
-        None,
         config=CONFIG,
     )
     (edges,) = outline.views
@@ -221,13 +219,12 @@ def test_nothing_seen_is_an_error_and_little_is_a_warning() -> None:
     blind = replace(snapshot, index=1, depth=np.full_like(snapshot.depth, np.nan))
     dark = replace(view, index=1, labels=np.zeros_like(view.labels))
     with pytest.raises(EstimationError, match="no edges"):
-        find_edges((blind,), segmentation_of([dark], 0.745), None, config=CONFIG)
+        find_edges((blind,), segmentation_of([dark], 0.745), config=CONFIG)
     with pytest.raises(EstimationError, match="no edges"):
-        find_edges((), Segmentation((), 0.745, 0.002, (), ()), None, config=CONFIG)
+        find_edges((), Segmentation((), 0.745, 0.002, (), ()), config=CONFIG)
     outline = find_edges(
         (snapshot, blind),
         segmentation_of([view, dark], 0.745),
-        None,
         config=CONFIG,
     )
     assert [edges.index for edges in outline.views] == [0]
