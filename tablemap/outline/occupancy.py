@@ -84,11 +84,6 @@ def observe(
     below &= ~_mixed(depth, height, fall, below, smooth_top, snapshot, rows, columns, config)
     bridged = _shadowed(depth, top, below, front, known, snapshot.camera.fx, config.baseline)
     smooth_top, share = _filled(top, below, bridged, ~known, config)
-    if snapshot.halved is not None and (halved := snapshot.halved[rows, columns] & known).any():
-        # What half of a stop's images show: halfway between taking it for seen and for missing.
-        without = _filled(top & ~halved, below & ~halved, bridged, ~known | halved, config)
-        smooth_top = (smooth_top + without[0]) / 2
-        share = np.where(np.isnan(without[1]), share, (share + without[1]) / 2)
     return Occupancy(
         origin=(rows.start, columns.start),
         depth=depth,

@@ -8,24 +8,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def combine(
-    images: Sequence[NDArray[np.float32]],
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def combine(images: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
     """Combine (height, width) depth images in metres, NaN missing, into one.
 
-    A pixel is kept where at least half of the images have it and the middle half of their values
-    agree; mixed pixels and flicker at depth edges do not. Its value is the mean of what lies close
-    to the median, which resolves finer than the sensor's steps. Returned too is a mask of the
-    pixels that just half of the images have: taken for seen they would shift each depth edge
-    outwards by a third of a pixel, taken for missing as much inwards.
+    A pixel is kept where most of the images have it and the middle half of their values agree;
+    mixed pixels and flicker at depth edges do not. Its value is the mean of what lies close to the
+    median, which resolves finer than the sensor's steps. Where the images are evenly split, over
+    whether there is a value or which, the first of them decides: one image shows depth edges where
+    they are, and to keep all that either has, or only what both have, moves each edge by a third
+    of a pixel.
     """
     if len(images) == 1:
-        return images[0].astype(np.float32), np.zeros(images[0].shape, dtype=bool)
+        return images[0].astype(np.float32)
     stack = np.stack(images).astype(np.float32)
     stack[~np.isfinite(stack)] = np.inf
     ordered = np.sort(stack, axis=0)
     valid = np.isfinite(ordered).sum(axis=0)
-    enough = 2 * valid >= len(images)
+    enough = 2 * valid > len(images)
 
     def quantile(numerator: int) -> NDArray[np.float32]:
         # Ranks round outward on either side, so that no side's outlier decides by itself.
@@ -46,4 +45,8 @@ def combine(
     combined = np.full(median.shape, np.nan, dtype=np.float32)
     kept = steady & (number > 0)
     combined[kept] = total[kept] / number[kept]
-    return combined, kept & (2 * valid == len(images))
+    split = 2 * valid == len(images)
+    if len(images) == 2:
+        split |= enough & ~steady
+    combined[split] = np.where(np.isfinite(stack[0]), stack[0], np.nan)[split]
+    return combined

@@ -188,7 +188,6 @@ def _decode(
             return
         pose = Pose2.projected(fixed_from_base)
         wheels = recording.odom_from_base(middle.stamp_ns)
-        depth, halved = combine([f.depth for f in same])
         snapshots.append(
             Snapshot(
                 index=len(snapshots),
@@ -196,7 +195,7 @@ def _decode(
                 start_ns=viewpoint.start_ns,
                 end_ns=viewpoint.end_ns,
                 images=len(same),
-                depth=depth,
+                depth=combine([f.depth for f in same]),
                 camera=cameras.setdefault(camera, camera),
                 base_from_camera=invert(pose.lifted()) @ fixed_from_base @ middle.base_from_camera,
                 map_from_base=pose,
@@ -204,7 +203,6 @@ def _decode(
                 depth_message=middle.message,
                 colour_message=colours.get(viewpoint.middle_ns),
                 base_z=float(fixed_from_base[2, 3]),
-                halved=halved,
             )
         )
 

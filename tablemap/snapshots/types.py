@@ -44,8 +44,7 @@ class Snapshot:
     (``map_from_base``, as localised at ``stamp_ns``). ``odom_from_base`` is None without wheel
     odometry. ``start_ns`` and ``end_ns`` bound the time that the base stood still.
     ``depth_message`` and ``colour_message`` are what was recorded nearest the stamp. ``base_z`` is
-    the height of the base's own origin in the fixed frame, metres; ``halved`` (height, width) the
-    pixels that just half of the images have (None: none).
+    the height of the base's own origin in the fixed frame, metres.
     """
 
     index: int
@@ -61,7 +60,6 @@ class Snapshot:
     depth_message: Image | CompressedImage
     colour_message: Image | CompressedImage | None
     base_z: float = 0.0
-    halved: NDArray[np.bool_] | None = None
 
     def points_in_base(self) -> Floats:
         """Return (height, width, 3) float64 points in the base, NaN where depth is missing."""
