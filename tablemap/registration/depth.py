@@ -19,6 +19,7 @@ from tablemap.registration.depth_cloud import balanced_cloud, upright_cloud
 from tablemap.registration.depth_edges import lay_edges, table_edges
 from tablemap.registration.depth_heading import check_headings
 from tablemap.registration.depth_held import (
+    PAIR_ROBUST,
     PAIR_SIGMA,
     contradicted,
     held_edges,
@@ -38,10 +39,10 @@ from tablemap.registration.polish import Polished
 from tablemap.registration.results import Pair, StopCheck, StopScan
 from tablemap.registration.solution import (
     Solution,
-    floored,
     judge_pair,
     localisation_anchors,
     odometry_edges,
+    pair_edges,
     pose_list,
 )
 from tablemap.snapshots import Snapshot
@@ -49,7 +50,6 @@ from tablemap.snapshots import Snapshot
 _GAPS = (1, 2, 3, 5, 8)
 _OVERLAP_REACH = 0.2
 _OVERLAP_POINTS = 150
-_PAIR_ROBUST = 9.0
 _LEAST_FITNESS = 0.1  # less of a view's points find a partner anywhere, by chance
 _SAME_PLACE, _SAME_TURN = 0.03, np.radians(1.0)
 # A tilt t lifts the floor at d by d t and shifts what lies on a plane c lower by (c + x x / c) t.
@@ -228,16 +228,7 @@ def _solve(
     graph: GraphSolution, pairs: Sequence[Pair], edges: Sequence[Edge], anchors: Sequence[Anchor]
 ) -> tuple[GraphSolution, list[Pair]]:
     good = [pair for pair in pairs if pair.used and pair.fitness >= _LEAST_FITNESS]
-    pair_edges = [
-        Edge(
-            p.source,
-            p.target,
-            p.target_from_source,
-            floored(p.information, PAIR_SIGMA),
-            robust=_PAIR_ROBUST,
-        )
-        for p in good
-    ]
-    solved = solve_graph(graph.poses, [*edges, *pair_edges], anchors)
+    held = [*edges, *pair_edges(good, sigma=PAIR_SIGMA, robust=PAIR_ROBUST)]
+    solved = solve_graph(graph.poses, held, anchors)
     weights = dict(zip(map(id, good), solved.edge_weights[len(edges) :], strict=True))
     return solved, [judge_pair(p, weights.get(id(p)), solved.poses) for p in pairs]

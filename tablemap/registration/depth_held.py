@@ -13,6 +13,7 @@ from tablemap.registration.graph import Edge, GraphSolution, edge_weights
 from tablemap.registration.results import Pair
 from tablemap.registration.solution import floored, odometry_pairs
 
+PAIR_ROBUST = 9.0
 PAIR_SIGMA = (0.01, 0.01, 0.005)
 """No depth pair is believed further than this (metres, metres, radians)."""
 _LET_GO = 16.0  # squared sigmas in three freedoms: one right pair in a thousand

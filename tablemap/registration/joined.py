@@ -12,15 +12,12 @@ from tablemap.geometry import Floats
 from tablemap.record import Record
 from tablemap.registration.depth import choose_views
 from tablemap.registration.depth_cloud import balanced_cloud, upright_cloud
-from tablemap.registration.graph import Edge
+from tablemap.registration.depth_held import PAIR_SIGMA
 from tablemap.registration.pairs import align_depth_pair
 from tablemap.registration.results import Pair, StopCheck, StopScan
-from tablemap.registration.solution import floored, pose_list
+from tablemap.registration.solution import pose_list
 from tablemap.snapshots import Snapshot
 
-# No depth pair is believed further than this; a stop that the laser holds closer gains nothing.
-_PAIR_SIGMA = (0.01, 0.01, 0.005)
-_PAIR_ROBUST = 9.0
 _LEAST_PARTNERS = 2
 
 
@@ -34,7 +31,7 @@ def open_stops(stops: Sequence[StopScan | None], covariance: Floats) -> list[int
         block = covariance[3 * i : 3 * i + 3, 3 * i : 3 * i + 3]
         place = float(np.sqrt(max(np.linalg.eigvalsh(block[:2, :2])[-1], 0.0)))
         heading = float(np.sqrt(max(block[2, 2], 0.0)))
-        if stop is None or place > _PAIR_SIGMA[0] or heading > _PAIR_SIGMA[2]:
+        if stop is None or place > PAIR_SIGMA[0] or heading > PAIR_SIGMA[2]:
             loose.append(i)
     return loose
 
@@ -68,20 +65,6 @@ def depth_pairs(
         )
         for source, target, kind in choose_views(clouds, located, config)
         if source in wanted or target in wanted
-    ]
-
-
-def depth_edges(pairs: Sequence[Pair]) -> list[Edge]:
-    """Return the pairs as edges of the graph, none believed further than depth deserves."""
-    return [
-        Edge(
-            pair.source,
-            pair.target,
-            pair.target_from_source,
-            floored(pair.information, _PAIR_SIGMA),
-            robust=_PAIR_ROBUST,
-        )
-        for pair in pairs
     ]
 
 

@@ -17,23 +17,24 @@ from tablemap.odometry import Odometry
 from tablemap.record import Record
 from tablemap.registration.check import check_stops, suspicious
 from tablemap.registration.correlative import likelihood_at, search
+from tablemap.registration.depth_held import PAIR_ROBUST, PAIR_SIGMA
 from tablemap.registration.graph import (
     Anchor,
     Edge,
     relative_covariance,
     solve_graph,
 )
-from tablemap.registration.joined import checked_by_depth, depth_edges, depth_pairs, open_stops
+from tablemap.registration.joined import checked_by_depth, depth_pairs, open_stops
 from tablemap.registration.pairs import Cloud, align_laser_pair, laser_clouds
 from tablemap.registration.polish import polish
 from tablemap.registration.results import Pair, StopCheck, StopScan
 from tablemap.registration.solution import (
     Solution,
-    floored,
     judge_pair,
     localisation_anchors,
     odometry_edges,
     odometry_pairs,
+    pair_edges,
     pose_list,
 )
 from tablemap.snapshots import Snapshot
@@ -139,19 +140,10 @@ def _attempt(
             )
     pairs = [aligned[key] for key in chosen]
     good = [pair for pair in pairs if pair.used and pair.fitness >= config.minimum_overlap / 2]
-    pair_edges = [
-        Edge(
-            pair.source,
-            pair.target,
-            pair.target_from_source,
-            floored(pair.information, _LEAST_PAIR_SIGMA),
-            robust=_PAIR_ROBUST,
-        )
-        for pair in good
-    ]
+    scanned = pair_edges(good, sigma=_LEAST_PAIR_SIGMA, robust=_PAIR_ROBUST)
     views = [pair for pair in depth if pair.used]
-    holding = [*edges, *depth_edges(views)]
-    graph = solve_graph(start, [*holding, *pair_edges], anchors)
+    holding = [*edges, *pair_edges(views, sigma=PAIR_SIGMA, robust=PAIR_ROBUST)]
+    graph = solve_graph(start, [*holding, *scanned], anchors)
     weights = graph.edge_weights
     kept = dict(zip(map(id, [*views, *good]), weights[len(edges) :], strict=True))
     judged = tuple(judge_pair(pair, kept.get(id(pair)), graph.poses) for pair in pairs)

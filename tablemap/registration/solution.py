@@ -74,6 +74,22 @@ def floored(information: Floats, sigma: tuple[float, float, float]) -> Floats:
     return np.asarray(np.linalg.inv(covariance), dtype=np.float64)
 
 
+def pair_edges(
+    pairs: Sequence[Pair], *, sigma: tuple[float, float, float], robust: float
+) -> list[Edge]:
+    """Return aligned pairs as edges of the graph, none believed further than ``sigma``."""
+    return [
+        Edge(
+            pair.source,
+            pair.target,
+            pair.target_from_source,
+            floored(pair.information, sigma),
+            robust=robust,
+        )
+        for pair in pairs
+    ]
+
+
 def judge_pair(pair: Pair, weight: float | None, poses: Floats) -> Pair:
     """Mark a pair that the graph let go (``weight`` None: it was not in it) as dropped, and why."""
     if not pair.used:
