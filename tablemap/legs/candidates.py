@@ -8,16 +8,15 @@ import numpy as np
 
 from tablemap.config import LegsConfig
 from tablemap.geometry import Floats, Pose2
+from tablemap.legs.chairs import chair_like
 from tablemap.legs.clusters import Cluster, Persistence, find_clusters, persistence
 from tablemap.legs.depth import Reach, reach
 from tablemap.legs.evidence import Evidence, gather_evidence, thinned
 from tablemap.legs.fit import Fit, Priors, criterion, fit_alone
-from tablemap.legs.layout import Frame, chair_like, symmetric_sets
+from tablemap.legs.layout import Frame, table_sets
 from tablemap.legs.scans import Scans
 from tablemap.legs.silhouettes import Segments, Walls, beam_points, find_segments
 from tablemap.snapshots import Snapshot
-
-_SYMMETRY = 0.03  # partners are this near to where symmetry puts them
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +101,9 @@ def _judged(
     size = found.size
     stayed = persistence(scans, place, 0.5 * size) if cluster.slender else Persistence(stops, 0, 0)
     highest = frame.surface.height.value - 0.06
-    lowest = max(config.seat_height, 0.6 * frame.surface.height.value)
+    # No seat goes under a top as low as one: there all that stands up to it may carry it.
+    seat = config.seat_height if highest > config.seat_height else 0.0
+    lowest = max(seat, 0.6 * frame.surface.height.value)
     looked = reach(snapshots, poses, place, 0.5 * size, lowest, highest)
     found = replace(found, stayed=stayed, reach=looked)
     return replace(found, reason=_objection(found, frame, config))
@@ -161,33 +162,28 @@ def judge(candidates: list[Candidate], frame: Frame) -> list[Candidate]:
     candidates = _without_fragments(candidates)
     alive = [i for i, candidate in enumerate(candidates) if candidate.reason is None]
     places = np.array([candidate.place for candidate in candidates]).reshape(-1, 2)
-    chairs = chair_like(frame, places)
     slender = [i for i in alive if candidates[i].cluster.slender]
     wide = [i for i in alive if not candidates[i].cluster.slender]
-    complete: set[int] = set()
-    partial: set[int] = set()
-    for group in (slender, wide):
-        for rank, (members, missing) in enumerate(symmetric_sets(frame, places[group], _SYMMETRY)):
-            chosen = {group[i] for i in members}
-            full = len(missing) == 0 and (len(chosen) >= 3 or group is wide)
-            if full and (rank == 0 or not complete):
-                complete |= chosen
-            else:
-                partial |= chosen
+    complete, partial, own = table_sets(frame, places, slender, wide)
+    free = [i for i, candidate in enumerate(candidates) if candidate.cluster.slender]
+    at = {i: k for k, i in enumerate(free)}
+    chairs = {free[k] for k in chair_like(frame, places[free], {at[i] for i in own if i in at})}
     judged = list(candidates)
     for i in alive:
         candidate = candidates[i]
         inset = frame.inset(candidate.place)
-        central = frame.is_central(candidate.place)
+        central, beyond = frame.is_central(candidate.place), frame.is_beyond(candidate.place)
         score = 0.0
-        score += 3.0 if candidate.reach.is_up else 0.0
+        # Beyond the top a chair's back stands up to it too.
+        score += 0.0 if not candidate.reach.is_up else 1.0 if beyond else 3.0
         score += 2.0 if i in complete else 1.0 if i in partial else 0.0
         score += 3.0 if central else 1.0 if frame.near_corner(candidate.place) else 0.0
         score -= 2.5 if i in chairs else 0.0
-        score -= 1.5 if inset < -0.02 else 0.0
+        score -= 1.5 if beyond else 0.0
         score -= 1.0 if complete and i not in complete and not central else 0.0
         if score < 1.0:
-            judged[i] = replace(candidate, reason=_weighed(i in chairs, inset, bool(complete)))
+            reason = _weighed(i in chairs, inset, beyond, bool(complete))
+            judged[i] = replace(candidate, reason=reason)
     return judged
 
 
@@ -214,10 +210,10 @@ def _without_fragments(candidates: list[Candidate]) -> list[Candidate]:
     return result
 
 
-def _weighed(is_chair: bool, inset: float, has_set: bool) -> str:
+def _weighed(is_chair: bool, inset: float, is_beyond: bool, has_set: bool) -> str:
     if is_chair:
         return "stands as a chair's leg does, and was not seen to reach the top"
-    if inset < -0.02:
+    if is_beyond:
         return f"stands {100 * -inset:.0f} cm beyond the top, without partners"
     if has_set:
         return "stands inside a complete set of legs, and was not seen to reach the top"

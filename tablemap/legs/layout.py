@@ -1,4 +1,4 @@
-"""How legs stand under a top: symmetric partners, corners, the middle; and how chairs stand."""
+"""How legs stand under a top: symmetric partners, corners, the middle."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from shapely.geometry import Point, Polygon
 from tablemap.geometry import Floats
 from tablemap.surface import Surface
 
+_SYMMETRY = 0.03  # metres, partners are this near to where symmetry puts them
+_BEYOND = 0.02  # metres outside the outline that errors of top and place explain
 _MIRRORED = ("rectangle", "square", "ellipse", "polygon", "mesh")
 
 
@@ -43,6 +45,10 @@ class Frame:
         distance = float(self.polygon.exterior.distance(point))
         return distance if self.polygon.contains(point) else -distance
 
+    def is_beyond(self, place: Floats) -> bool:
+        """Say whether a place is so far outside the outline that the top does not cover it."""
+        return self.inset(place) < -_BEYOND
+
     def near_corner(self, place: Floats) -> bool:
         """Say whether a place lies in a corner's quarter, or near the rim of a round top."""
         u, v = np.abs(self.local(place[None])[0]) / self.half
@@ -60,7 +66,7 @@ def symmetric_sets(
     """Return sets of places that map onto each other under the top's symmetry.
 
     Each is (members, missing (m, 2) in the map): complete sets of four, three and two, and fours
-    with one place missing. Outer sets come first.
+    with one place missing. Sets under the top come first, then full ones, then outer ones.
     """
     if not len(places):
         return []
@@ -78,12 +84,43 @@ def symmetric_sets(
             if known is None or len(missing) < len(known):
                 sets[members] = missing
 
-    def order(item: tuple[tuple[int, ...], Floats]) -> tuple[float, float, float]:
+    beyond = np.array([frame.is_beyond(place) for place in places])
+
+    def order(item: tuple[tuple[int, ...], Floats]) -> tuple[float, ...]:
         members, missing = item
-        outer = float(np.mean(np.abs(local[list(members)]) / frame.half))
-        return (-len(members) - 0.5 * (len(missing) == 0), -outer, float(members[0]))
+        chosen = list(members)
+        outer = float(np.mean(np.abs(local[chosen]) / frame.half))
+        full = -len(members) - 0.5 * (len(missing) == 0)
+        return (float(beyond[chosen].any()), full, -outer, float(members[0]))
 
     return sorted(sets.items(), key=order)
+
+
+def table_sets(
+    frame: Frame, places: Floats, slender: list[int], wide: list[int]
+) -> tuple[set[int], set[int], set[int]]:
+    """Return which (n, 2) places are of a complete set, of another, and the table's own.
+
+    ``slender`` and ``wide`` are the places that may be legs. The table's own are the first set of
+    three or more, or of four with one missing, that stands near the corners; feet beyond a top that
+    has its own are of no set.
+    """
+    complete: set[int] = set()
+    partial: set[int] = set()
+    own: set[int] = set()
+    for group in (slender, wide):
+        for rank, (members, missing) in enumerate(symmetric_sets(frame, places[group], _SYMMETRY)):
+            chosen = {group[i] for i in members}
+            if own and any(frame.is_beyond(places[i]) for i in chosen):
+                continue
+            full = len(missing) == 0 and (len(chosen) >= 3 or group is wide)
+            if full and (rank == 0 or not complete):
+                complete |= chosen
+            else:
+                partial |= chosen
+            if len(chosen) >= 3 and not own and all(frame.near_corner(places[i]) for i in chosen):
+                own = chosen
+    return complete, partial, own
 
 
 def _orbits(frame: Frame, local: Floats) -> list[Floats]:
@@ -117,28 +154,3 @@ def _skewed_orbits(frame: Frame, local: Floats) -> list[Floats]:
     oblique = local @ np.linalg.inv(axes).T
     signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]], dtype=np.float64)
     return [(signs * place) @ axes.T for place in oblique]
-
-
-def chair_like(frame: Frame, places: Floats) -> set[int]:
-    """Return the places that stand as a chair's legs do: 28 to 56 cm squares that leave the top.
-
-    Three corners of such a square are enough, if one of them lies outside the outline.
-    """
-    found: set[int] = set()
-    if len(places) < 3:
-        return found
-    outside = np.array([frame.inset(place) < -0.02 for place in places])
-    distance = np.linalg.norm(places[:, None] - places[None], axis=2)
-    for a in range(len(places)):
-        side = np.flatnonzero((distance[a] > 0.28) & (distance[a] < 0.56))
-        for i, b in enumerate(side):
-            for c in side[i + 1 :]:
-                first, second = places[b] - places[a], places[c] - places[a]
-                cosine = abs(first @ second) / (np.hypot(*first) * np.hypot(*second))
-                trio = [a, int(b), int(c)]
-                if cosine < 0.2 and outside[trio].any():
-                    found.update(trio)
-                    fourth = np.linalg.norm(places - (places[b] + second), axis=1)
-                    if fourth.min() < 0.05:
-                        found.add(int(fourth.argmin()))
-    return found

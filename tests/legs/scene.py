@@ -161,6 +161,29 @@ def four(scene: Scene, inset: float = 0.06) -> Floats:
     return scene.table.apply(np.array([[u, v], [-u, v], [-u, -v], [u, -v]]))
 
 
+def surface_of(scene: Scene, map_from_base: dict[int, Pose2]) -> Surface:
+    """Return the top as a fit of it would be handed on."""
+    outline = scene.outline()
+    return Surface(
+        shape=scene.shape,
+        pose=scene.table,
+        covariance=np.eye(3) * 1e-6,
+        height=Figure(scene.height, 0.001),
+        thickness=None,
+        dimensions={},
+        corner_radius=None,
+        outline=outline,
+        edges=(),
+        score=1.0,
+        candidates=(),
+        map_from_base=map_from_base,
+        points=outline,
+        residuals=np.zeros(len(outline)),
+        hull=outline,
+        warnings=(),
+    )
+
+
 def looking_down(height: float = 1.1, pitch: float = 0.5) -> Floats:
     """Return the (4, 4) pose of an optical frame in the base, looking ahead and down."""
     c, s = np.cos(pitch), np.sin(pitch)
@@ -265,25 +288,7 @@ def drive(
         systematic=0.0,
         warnings=(),
     )
-    outline = scene.outline()
-    surface = Surface(
-        shape=scene.shape,
-        pose=scene.table,
-        covariance=np.eye(3) * 1e-6,
-        height=Figure(scene.height, 0.001),
-        thickness=None,
-        dimensions={},
-        corner_radius=None,
-        outline=outline,
-        edges=(),
-        score=1.0,
-        candidates=(),
-        map_from_base=dict(enumerate(poses)),
-        points=outline,
-        residuals=np.zeros(len(outline)),
-        hull=outline,
-        warnings=(),
-    )
+    surface = surface_of(scene, dict(enumerate(poses)))
     return (
         FakeRecording(scans if laser else [], laser=laser),
         tuple(snapshots),
