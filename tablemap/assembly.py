@@ -10,7 +10,7 @@ from tablemap import model as m
 from tablemap.calibration import Calibration
 from tablemap.crosscheck import CrossCheck
 from tablemap.errors import ProcessWarning
-from tablemap.geometry import Pose2
+from tablemap.geometry import Floats, Pose2
 from tablemap.legs import Leg, Legs
 from tablemap.odometry import Odometry
 from tablemap.outline import Outline
@@ -132,10 +132,10 @@ def _surface(surface: Surface) -> m.TableSurface:
         and m.Figure(value=surface.thickness.value, sigma=surface.thickness.sigma),
         dimensions={name: _dimension(figure) for name, figure in surface.dimensions.items()},
         corner_radius=surface.corner_radius and _dimension(surface.corner_radius),
-        outline=tuple((float(x), float(y)) for x, y in surface.outline),
+        outline=_points(surface.outline),
         edges=tuple(
             m.Edge(
-                points=tuple((float(x), float(y)) for x, y in edge.points),
+                points=_points(edge.points),
                 status=edge.status,
                 sigma=edge.sigma,
                 seen_fraction=edge.seen_fraction,
@@ -148,7 +148,12 @@ def _surface(surface: Surface) -> m.TableSurface:
             for other in surface.candidates
             if other.shape != surface.shape
         ),
+        beside=None if surface.beside is None else _points(surface.beside),
     )
+
+
+def _points(places: Floats) -> tuple[m.Point, ...]:
+    return tuple((float(x), float(y)) for x, y in places)
 
 
 def _dimension(figure: Figure) -> m.Dimension:

@@ -78,6 +78,13 @@ WARNING_CODES: dict[str, str] = {
     "accuracy.inner_edge": (
         "An edge runs inside of the outline: two surfaces may have been taken for one top."
     ),
+    "surface.adjoining": (
+        "A seat touches the table at its height; it was taken off, for it has legs of its own."
+    ),
+    "accuracy.adjoining": (
+        "A surface touches the table at its height; it was taken off, for it has legs of its own."
+    ),
+    "accuracy.two_tables": "The legs stand as those of two tables that were pushed together.",
     "accuracy.votes_contradict": (
         "Part of what was seen as top lies outside the outline, or free space inside."
     ),

@@ -99,7 +99,7 @@ class Alternative(Part):
 
 
 class TableSurface(Part):
-    """The top of the table."""
+    """The top of the table; ``beside`` is the outline of what touches it and is no part of it."""
 
     shape: Shape
     pose: SurfacePose
@@ -111,6 +111,7 @@ class TableSurface(Part):
     edges: tuple[Edge, ...]
     score: Number
     alternatives: tuple[Alternative, ...]
+    beside: tuple[Point, ...] | None = None
 
     def contains(
         self, x: ArrayLike, y: ArrayLike, *, frame: Literal["map", "table"] = "map"

@@ -11,12 +11,13 @@ from typing import Literal
 
 from threadpoolctl import threadpool_limits
 
+from tablemap.adjoining import find_adjoining, without
 from tablemap.assembly import assemble
 from tablemap.calibration import calibrate
 from tablemap.config import Config
 from tablemap.crosscheck import admitted_legs, corrected, cross_check
 from tablemap.errors import EstimationError
-from tablemap.legs import find_legs
+from tablemap.legs import Legs, find_legs
 from tablemap.model import TableModel
 from tablemap.odometry import Trajectory, estimate_odometry
 from tablemap.outline import Outline, find_edges
@@ -25,7 +26,7 @@ from tablemap.recording import Recording
 from tablemap.registration import register
 from tablemap.segmentation import Segmentation, segment
 from tablemap.snapshots import take_snapshots
-from tablemap.surface import fit_surface
+from tablemap.surface import Surface, fit_surface
 
 STAGES = (
     "snapshots",
@@ -102,16 +103,28 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
         record(registration)
 
     def model(segmentation: Segmentation, record: Record) -> TableModel:
+        def fitted(outline: Outline) -> Surface:
+            surface = fit_surface(outline, registration, config=config.surface, seed=config.seed)
+            record(surface)
+            return surface
+
+        def carried(surface: Surface) -> Legs:
+            return find_legs(recording, snapshots, registration, surface, config=config.legs)
+
         with stage("outline"):
             outline = edges(segmentation)
             record(outline)
 
         with stage("surface"):
-            surface = fit_surface(outline, registration, config=config.surface, seed=config.seed)
-            record(surface)
+            surface = fitted(outline)
 
         with stage("legs"):
-            legs = find_legs(recording, snapshots, registration, surface, config=config.legs)
+            legs = carried(surface)
+            adjoining = find_adjoining(surface, legs, near=near)
+            if adjoining is not None:
+                outline = without(outline, adjoining, registration.map_from_base)
+                surface = fitted(outline)
+                legs = carried(surface)
             cross = cross_check(
                 outline, surface, registration, legs.legs, snapshots, config=config.crosscheck
             )
@@ -119,11 +132,8 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
             if cross.is_found:
                 # What the camera saw is moved to where the laser asks it to be, and fitted again.
                 outline = corrected(outline, cross)
-                surface = fit_surface(
-                    outline, registration, config=config.surface, seed=config.seed
-                )
-                record(surface)
-                legs = find_legs(recording, snapshots, registration, surface, config=config.legs)
+                surface = fitted(outline)
+                legs = carried(surface)
             legs = admitted_legs(legs, cross, surface, registration)
             record(legs)
 

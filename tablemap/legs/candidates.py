@@ -18,6 +18,8 @@ from tablemap.legs.scans import Scans
 from tablemap.legs.silhouettes import Segments, Walls, beam_points, find_segments
 from tablemap.snapshots import Snapshot
 
+UNDER_ANOTHER = "stands under the surface that touches the table"
+
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
@@ -83,6 +85,8 @@ def _judged(
     found = Candidate(
         cluster, cluster.centre, ends, None, {}, Persistence(0, 0, 0), Reach(0, 0), None
     )
+    if frame.is_beside(cluster.centre):
+        return replace(found, reason=UNDER_ANOTHER)
     inset = frame.inset(cluster.centre)
     if inset < -config.beyond - (0.0 if cluster.slender else radius):
         return replace(found, reason=f"stands {100 * -inset:.0f} cm beyond the top")
@@ -165,7 +169,12 @@ def judge(candidates: list[Candidate], frame: Frame) -> list[Candidate]:
     slender = [i for i in alive if candidates[i].cluster.slender]
     wide = [i for i in alive if not candidates[i].cluster.slender]
     complete, partial, own = table_sets(frame, places, slender, wide)
-    free = [i for i, candidate in enumerate(candidates) if candidate.cluster.slender]
+    # Legs of what touches the table make no chair together with the table's.
+    free = [
+        i
+        for i, candidate in enumerate(candidates)
+        if candidate.cluster.slender and candidate.reason != UNDER_ANOTHER
+    ]
     at = {i: k for k, i in enumerate(free)}
     chairs = {free[k] for k in chair_like(frame, places[free], {at[i] for i in own if i in at})}
     judged = list(candidates)

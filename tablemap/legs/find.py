@@ -11,7 +11,7 @@ from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats, Pose2
 from tablemap.legs.candidates import Candidate, find_candidates, judge
 from tablemap.legs.depth import Reach, find_posts, reach
-from tablemap.legs.layout import Frame
+from tablemap.legs.layout import Frame, is_two_tables
 from tablemap.legs.missing import infer_missing
 from tablemap.legs.posts import accept_posts
 from tablemap.legs.scans import Scans, gather_scans
@@ -91,6 +91,10 @@ def find_legs(
         warnings.append(
             _warning("legs.inferred", "A leg that no view could have seen is put by symmetry.")
         )
+    places = np.array([(leg.x, leg.y) for leg in legs if leg.status == "measured"]).reshape(-1, 2)
+    if is_two_tables(frame, places):
+        message = "The legs stand as those of two tables that were pushed together."
+        warnings.append(_warning("accuracy.two_tables", message))
     return Legs(tuple(legs), tuple(rejected + refused), evidence, tuple(warnings), beam, bias)
 
 

@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from shapely.geometry import Point, Polygon
 
 from tablemap.geometry import Floats
 from tablemap.surface import Surface
 
+_CARRY = 3  # legs that a part stands on, unless one is in its middle
+_ACROSS = 0.04  # metres from a leg's mirror image to its partner
 _SYMMETRY = 0.03  # metres, partners are this near to where symmetry puts them
 _BEYOND = 0.02  # metres outside the outline that errors of top and place explain
 _MIRRORED = ("rectangle", "square", "ellipse", "polygon", "mesh")
@@ -25,6 +28,11 @@ class Frame:
     def local(self, places: Floats) -> Floats:
         """Map (n, 2) places to the top's frame."""
         return self.surface.pose.inverse().apply(places)
+
+    def is_beside(self, place: Floats) -> bool:
+        """Say whether a place lies under what touches the table and is no part of it."""
+        beside = self.surface.beside
+        return beside is not None and Polygon(beside).contains(Point(*place))
 
     @property
     def half(self) -> Floats:
@@ -154,3 +162,34 @@ def _skewed_orbits(frame: Frame, local: Floats) -> list[Floats]:
     oblique = local @ np.linalg.inv(axes).T
     signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]], dtype=np.float64)
     return [(signs * place) @ axes.T for place in oblique]
+
+
+def is_standing(part: Polygon, places: Floats) -> bool:
+    """Say whether a part of a top would stand on legs at (n, 2) places alone, and they about it.
+
+    At least three of them, all but one with a partner across its middle, or one there.
+    """
+    if part.is_empty or not len(places):
+        return False
+    away = places - np.asarray(part.centroid.coords[0])
+    alone = np.linalg.norm(away[:, None] + away[None], axis=2).min(axis=1) > _ACROSS
+    if len(places) < _CARRY:
+        return len(places) == 1 and not alone.any()
+    return bool(alone.sum() <= 1)
+
+
+def is_two_tables(frame: Frame, places: Floats) -> bool:
+    """Say whether a cut between the legs leaves two halves that each stand, three legs or more."""
+    local = frame.local(places)
+    reach = 2.0 * float(frame.half.max())
+    for axis in (0, 1):
+        order = np.sort(local[:, axis])
+        for cut in (order[_CARRY - 1 : -_CARRY] + order[_CARRY : 1 - _CARRY]) / 2:
+            low = local[:, axis] < cut
+            box = [-reach, -reach, reach, reach]
+            box[2 + axis] = float(cut)
+            half = Polygon(frame.surface.pose.apply(np.asarray(shapely.box(*box).exterior.coords)))
+            parts = frame.polygon.intersection(half), frame.polygon.difference(half)
+            if is_standing(parts[0], places[low]) and is_standing(parts[1], places[~low]):
+                return True
+    return False

@@ -8,7 +8,7 @@ import numpy as np
 
 from tablemap.config import LegsConfig
 from tablemap.geometry import Floats
-from tablemap.legs.candidates import Candidate
+from tablemap.legs.candidates import UNDER_ANOTHER, Candidate
 from tablemap.legs.clusters import persistence
 from tablemap.legs.depth import Post
 from tablemap.legs.fit import Fit, Priors, criterion, fit_alone
@@ -63,7 +63,9 @@ def accept_posts(
     found = []
     for i, one in enumerate(fitted):
         corner, central = frame.near_corner(one.place), frame.is_central(one.place)
-        if frame.inset(one.place) < -0.03:
+        if frame.is_beside(one.place):
+            refused.append(_refused(one.post, UNDER_ANOTHER))
+        elif frame.inset(one.place) < -0.03:
             refused.append(_refused(one.post, "stands beyond the top"))
         elif one.post.views < 2 and i not in partners:
             refused.append(_refused(one.post, "seen by depth from one view alone"))

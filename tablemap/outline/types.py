@@ -73,6 +73,8 @@ class Outline:
     nought at a sharp edge, millimetres at a bevelled or rounded one (metres; None: no face seen).
     Near edges are at the face; far ones end where the flat top does, somewhere within.
     ``scale`` is what the calibration leaves open of all distances (None: no calibration given).
+    ``beside`` (n, 2) in the map is the outline of what touches the table at its height and was
+    taken off, None where nothing does.
     """
 
     views: tuple[ViewEdges, ...]
@@ -85,6 +87,7 @@ class Outline:
     rim: float | None = None
     rim_sigma: float | None = None
     scale: TopScale | None = None
+    beside: Floats | None = None
 
     @property
     def is_dull(self) -> bool:

@@ -69,6 +69,7 @@ def _plot(origin: str, name: str) -> rrb.TimeSeriesView:
 def _overview(scene: Scene) -> rrb.Container:
     shown = [
         "/model/**",
+        "/surface/beside",
         "/registration/bases" if len(scene.localised) <= FEW_STOPS else "/registration/stops",
         "/registration/after/scan/**",
         "/trajectory/registered",
@@ -204,6 +205,7 @@ def _surface(scene: Scene) -> rrb.Container:
         "/outline/edges/**",
         "/surface/chosen",
         "/surface/hull",
+        "/surface/beside",
         "/model/uncertainty/**",
         "- /outline/edges/image_border/**",
     ]

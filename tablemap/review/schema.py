@@ -61,6 +61,7 @@ ENTITIES = {
     "/surface/summary": "TextDocument: shapes with weights and dimensions, sides",
     "/surface/crosscheck": "TextDocument: camera against laser",
     "/surface/hull": "LineStrips3D",
+    "/surface/beside": "LineStrips3D: what touches the table at its height and was taken off",
     "/surface/candidates/*": "LineStrips3D by shape",
     "/surface/chosen": "LineStrips3D: sides coloured by status",
     "/surface/residuals": "Points3D: edge points, blue inside to red outside",

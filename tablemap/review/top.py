@@ -11,6 +11,7 @@ from tablemap.outline import Outline, ViewEdges
 from tablemap.review import colours, text
 from tablemap.review.clouds import closed, raised, thinned
 from tablemap.review.stream import Stream
+from tablemap.segmentation import Label
 from tablemap.surface import Surface, SurfaceEdge
 
 LIFT = 0.003
@@ -89,6 +90,16 @@ class Top:
         stream.text("surface/summary", text.surface(surface))
         if len(surface.hull) > 2:
             _log_line(stream, "surface/hull", closed(surface.hull, height), colours.MUTED, "hull")
+        if surface.beside is not None:
+            stream.log(
+                "surface/beside",
+                rr.LineStrips3D(
+                    [closed(surface.beside, height)],
+                    colors=[colours.LABELS[Label.OTHER_TOP][1]],
+                    radii=rr.Radius.ui_points(1.5),
+                    labels=["touches the table"],
+                ),
+            )
         for one in surface.candidates:
             name = f"{one.shape}: {one.score:.3f}"
             path = f"surface/candidates/{one.shape}"

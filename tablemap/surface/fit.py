@@ -90,6 +90,7 @@ def fit_surface(
             *scale_warning(belief, outline, config),
             *_doubts(chosen, primitives, edges, figures, evidence, config),
         ),
+        beside=outline.beside,
     )
 
 

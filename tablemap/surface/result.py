@@ -56,7 +56,8 @@ class Surface:
 
     ``covariance`` (3, 3) of the pose is in the map. ``map_from_base`` are the snapshots' poses with
     the fit's nuisances applied, by snapshot index. ``points`` (n, 2) are the edge points in the map
-    that the fit used, ``residuals`` (n,) theirs.
+    that the fit used, ``residuals`` (n,) theirs. ``beside`` (n, 2), in the map, is what touches the
+    table at its height and is no part of it.
     """
 
     shape: str
@@ -75,3 +76,4 @@ class Surface:
     residuals: Floats
     hull: Floats
     warnings: tuple[ProcessWarning, ...]
+    beside: Floats | None = None

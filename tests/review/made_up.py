@@ -553,6 +553,7 @@ def _surface(poses: tuple[Pose2, ...], rng: np.random.Generator) -> Surface:
         residuals,
         corners * 1.0,
         (),
+        TABLE.apply(np.array([[0.62, -0.2], [0.98, -0.2], [0.98, 0.16], [0.62, 0.16]])),
     )
 
 
