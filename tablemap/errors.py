@@ -48,6 +48,10 @@ WARNING_CODES: dict[str, str] = {
     "accuracy.height_scatter": "The views disagree on the height of the top.",
     "accuracy.calibration": "The floor asks for a camera tilt or depth scale beyond the plausible.",
     "odometry.bridged": "Part of the way no laser scan could be placed; the wheels bridge it.",
+    "odometry.left_open": (
+        "The laser saw nothing that holds along one direction, as in a corridor; "
+        "along it the recorded motion carries."
+    ),
     "odometry.no_laser": "There is no usable laser; the wheels carry the motion between the stops.",
     "odometry.no_wheels": (
         "There is neither laser nor wheel odometry; the localisation carries the motion."

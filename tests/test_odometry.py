@@ -16,7 +16,8 @@ from tablemap.odometry import (
     estimate_odometry,
     points_in_base,
 )
-from tests.registration.rooms import BASE_FROM_LASER, Drive, relative_errors, room
+from tablemap.odometry.constraint import constrained, held_share
+from tests.registration.rooms import BASE_FROM_LASER, Drive, corridor, relative_errors, room
 
 
 def estimate(drive: Drive) -> tuple[Odometry, list[object]]:
@@ -170,6 +171,68 @@ def test_the_wheels_go_on_after_the_last_scan(lap: tuple[Drive, Odometry, list[o
     place, _ = relative_errors(at_stops(odometry, late), late.truth())
     assert place.max() < 0.08
     assert odometry.trajectory.stamps_ns[0] < drive.stop_stamps[0]
+
+
+CORRIDOR_YAW = 0.4
+
+
+@pytest.fixture(scope="module")
+def along() -> tuple[Drive, Odometry, list[object]]:
+    """A lap round a table in a corridor without an end."""
+    drive = Drive(
+        corridor(CORRIDOR_YAW), seed=2, stops=6, standing_s=0.6, rate_hz=10, wheel_error=0.01
+    )
+    odometry, events = estimate(drive)
+    return drive, odometry, events
+
+
+def test_along_a_corridor_the_wheels_carry(along: tuple[Drive, Odometry, list[object]]) -> None:
+    """Walls do not say how far the base went along them; across and in heading they still do."""
+    drive, odometry, _ = along
+    assert odometry.source == "laser"
+    assert "odometry.left_open" in [w.code for w in odometry.warnings]
+    true, found = drive.truth(), at_stops(odometry, drive)
+    walls = np.array([np.cos(CORRIDOR_YAW), np.sin(CORRIDOR_YAW)])
+    sigmas = []
+    for k in range(len(true) - 1):
+        steps = [
+            Pose2.from_array(poses[k]).inverse() @ Pose2.from_array(poses[k + 1])
+            for poses in (found, true)
+        ]
+        off = steps[0].translation - steps[1].translation
+        direction = Pose2(0.0, 0.0, -true[k, 2]).rotate(walls[None])[0]
+        covariance = odometry.covariance_between(*drive.stop_stamps[k : k + 2])
+        across = np.array([-direction[1], direction[0]])
+        sigma = np.sqrt(
+            [direction @ covariance[:2, :2] @ direction, across @ covariance[:2, :2] @ across]
+        )
+        assert abs(direction @ off) < min(3 * sigma[0], 0.03)
+        assert abs(across @ off) < min(3 * sigma[1], 0.01)
+        assert abs(steps[0].yaw - steps[1].yaw) < np.radians(0.3)
+        sigmas.append(sigma)
+    assert np.min(np.divide(*np.transpose(sigmas))) > 3
+
+
+def test_a_room_holds_in_both_directions_and_a_corridor_in_one(
+    lap: tuple[Drive, Odometry, list[object]], along: tuple[Drive, Odometry, list[object]]
+) -> None:
+    """The shares add up to one, turn with the scan, and do not depend on its resolution."""
+    for drive, least, most in ((lap[0], 0.2, 0.5), (along[0], 0.0, 0.05)):
+        scan = next(drive.recording().scans())
+        points, valid = points_in_base(scan, BASE_FROM_LASER, maximum_range=30.0)
+        points, origin = points[valid][:, :2], BASE_FROM_LASER[:2, 3]
+        whole = constrained(points, origin, voxel=0.1)
+        values = np.linalg.eigvalsh(whole)
+        assert np.isclose(values.sum(), 1.0)
+        assert least <= values[0] <= most
+        assert np.linalg.eigvalsh(constrained(points[::2], origin, voxel=0.1))[0] < most + 0.02
+        turn = Pose2(0.0, 0.0, 0.7).rotation
+        turned = constrained(points @ turn.T, turn @ origin, voxel=0.1)
+        assert np.allclose(turned, turn @ whole @ turn.T, atol=0.01)
+        gain = np.linalg.eigvalsh(held_share(whole))
+        assert np.allclose(gain, [float(least > 0), 1.0])
+    assert not constrained(np.zeros((0, 2)), np.zeros(2), voxel=0.1).any()
+    assert not held_share(constrained(np.ones((9, 2)), np.zeros(2), voxel=0.1)).any()
 
 
 def test_missing_and_out_of_range_beams_are_left_out() -> None:

@@ -11,7 +11,7 @@ from tablemap.config import OdometryConfig
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats
 from tablemap.odometry.bridging import bridge
-from tablemap.odometry.placing import place_scans
+from tablemap.odometry.placing import PlacedScans, place_scans
 from tablemap.odometry.recorded import (
     has_wheels,
     known_poses,
@@ -38,6 +38,7 @@ _LEAST_ERROR = {
     "localisation": (0.03, 0.03, 0.02),
 }
 _SHORTEST_WAY = 0.1  # metres
+_OPEN_SHARE = 0.1  # of the way, in some direction: less is no corridor
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +47,10 @@ class Odometry:
 
     ``source`` is ``laser``, ``wheels`` or ``localisation``, whichever it had to rest on; ``gaps``
     (g, 2) are the stamps between which no scan could be placed and the wheels bridge the laser's.
-    ``localised`` and ``wheels`` are the recorded trajectories at the same stamps (``wheels`` None
-    without them).
+    ``open_way`` (n, 2, 2), at the trajectory's stamps and in its frame, is how many metres up to
+    there, of each direction, the scans left open (along a corridor) to the motion recorded beside
+    them. ``localised`` and ``wheels`` are the recorded trajectories at the same stamps (``wheels``
+    None without them).
     """
 
     trajectory: Trajectory
@@ -57,15 +60,26 @@ class Odometry:
     scans_used: int
     scans_skipped: int
     gaps: NDArray[np.int64]
+    open_way: Floats
     warnings: tuple[ProcessWarning, ...]
 
     def covariance_between(self, first_ns: int, second_ns: int) -> Floats:
-        """Return the (3, 3) covariance of the motion between two stamps, longer ways looser."""
+        """Return the (3, 3) covariance of the motion between two stamps, longer ways looser.
+
+        In the base's frame at the first.
+        """
         way = self.trajectory.way_between(first_ns, second_ns)
         bridged = sum(
             self.trajectory.way_between(*np.clip(gap, first_ns, second_ns)) for gap in self.gaps
         )
-        return self.covariance_over(max(way - bridged, _SHORTEST_WAY), bridged)
+        covariance = self.covariance_over(max(way - bridged, _SHORTEST_WAY), bridged)
+        at = self.trajectory.stamps_ns.astype(np.float64)
+        left = [np.interp([first_ns, second_ns], at, one) for one in self.open_way.reshape(-1, 4).T]
+        turn = self.trajectory.at(first_ns).rotation
+        left_open = turn.T @ np.diff(left, axis=1).reshape(2, 2) @ turn
+        prior = "localisation" if self.wheels is None else "wheels"
+        covariance[:2, :2] += _ERROR_PER_METRE[prior][0] ** 2 * left_open
+        return covariance
 
     def covariance_over(self, way: float, bridged: float = 0.0) -> Floats:
         """Return the (3, 3) covariance of the motion over metres of way, and bridged ones."""
@@ -102,8 +116,11 @@ def estimate_odometry(
             wheels = known_poses(recording.odom_from_bases, stamps)
             trajectory, gaps = bridge(trajectory, wheels, config=config)
             warnings += _bridged(trajectory, gaps)
+        open_way = _open_way(placed, trajectory.stamps_ns)
+        warnings += _left_open(trajectory, open_way, "wheels" if on_wheels else "localisation")
     else:
         trajectory, source = recorded_trajectory(recording, snapshots)
+        open_way = np.zeros((len(trajectory.stamps_ns), 2, 2))
         used, skipped = 0, placed.skipped if placed else 0
         code = "odometry.no_laser" if source == "wheels" else "odometry.no_wheels"
         message = f"no usable laser scan; the motion between the stops is that of the {source}"
@@ -117,8 +134,31 @@ def estimate_odometry(
         scans_used=used,
         scans_skipped=skipped,
         gaps=gaps,
+        open_way=open_way,
         warnings=tuple(warnings),
     )
+
+
+def _open_way(placed: PlacedScans, stamps_ns: NDArray[np.int64]) -> Floats:
+    """Return (n, 2, 2) metres of way, up to each stamp, that the placed scans left open."""
+    steps = np.diff(placed.trajectory.way())[:, None, None] * placed.left_open[1:]
+    summed = np.concatenate([np.zeros((1, 2, 2)), np.cumsum(steps, axis=0)]).reshape(-1, 4)
+    known = placed.trajectory.stamps_ns.astype(np.float64)
+    each = [np.interp(stamps_ns.astype(np.float64), known, column) for column in summed.T]
+    return np.stack(each, axis=1).reshape(-1, 2, 2)
+
+
+def _left_open(trajectory: Trajectory, open_way: Floats, prior: str) -> list[ProcessWarning]:
+    way, most = trajectory.way()[-1], float(np.trace(open_way[-1]))
+    if most <= _OPEN_SHARE * way:
+        return []
+    message = (
+        f"over {most:.1f} of {way:.1f} m the laser saw nothing that holds along one direction, "
+        f"as in a corridor; along it the motion is that of the {prior}"
+    )
+    first = int(np.argmax(np.trace(open_way, axis1=1, axis2=2) > 0))
+    stamp_ns = int(trajectory.stamps_ns[first])
+    return [ProcessWarning("odometry.left_open", "odometry", message, stamp_ns)]
 
 
 def _bridged(trajectory: Trajectory, gaps: NDArray[np.int64]) -> list[ProcessWarning]:

@@ -10,6 +10,7 @@ import numpy as np
 from tablemap.config import OdometryConfig
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats, Pose2
+from tablemap.odometry.constraint import constrained, held_share
 from tablemap.odometry.recorded import has_wheels
 from tablemap.odometry.sweep import points_in_base, sweep_motion
 from tablemap.odometry.trajectory import Trajectory
@@ -24,7 +25,8 @@ class OdometryScan:
     """Event: one scan as KISS-ICP placed it. ``points`` (n, 2) in the odometry's frame.
 
     ``threshold`` (metres) is the kernel's scale that it was registered with; ``correction`` how far
-    (metres) it ended from where the prior had it, before one that is too far is refused.
+    (metres) it ended from where the prior had it, in the directions that it holds, before one that
+    is too far is refused.
     """
 
     stamp_ns: int
@@ -44,10 +46,15 @@ class OdometryMap:
 
 @dataclass(frozen=True, eq=False)
 class PlacedScans:
-    """The base at the scans that were used, and how many were not."""
+    """The base at the scans that were used, and how many were not.
+
+    ``left_open`` (n, 2, 2), in the odometry's frame, projects onto what the prior was kept in: the
+    directions that a scan did not hold, or all.
+    """
 
     trajectory: Trajectory
     skipped: int
+    left_open: Floats
 
 
 def place_scans(
@@ -69,6 +76,7 @@ def place_scans(
     last_ns = 0
     stamps: list[int] = []
     poses: list[Floats] = []
+    left_open: list[Floats] = []
     skipped = standing = kept_prior = 0
     between_maps_ns = (recording.end_ns - recording.start_ns) // config.event_maps
     last_map_ns: int | None = None
@@ -95,9 +103,10 @@ def place_scans(
         motion, _ = sweep_motion(scan, base_at)
         if motion is not None and _is_jump(motion, scan.time_increment * len(scan.ranges), config):
             motion = None
+        base_from_laser = recording.base_from_laser(scan.stamp_ns)
         points, valid = points_in_base(
             scan,
-            recording.base_from_laser(scan.stamp_ns),
+            base_from_laser,
             maximum_range=config.maximum_range,
             motion=motion,
         )
@@ -109,16 +118,24 @@ def place_scans(
             assert fixed is not None
             start = Pose2.projected(fixed)
         used_threshold = float(kiss.adaptive_threshold.get_threshold())
-        pose = _register(kiss, frame, last, delta)
-        correction = float(np.hypot(*((last @ delta).inverse() @ pose).translation))
+        moved = (last @ delta).inverse() @ _register(kiss, frame, last, delta)
+        held = np.eye(2)
+        if stamps:
+            shares = constrained(frame[:, :2], base_from_laser[:2, 3], voxel=config.voxel_size)
+            held = held_share(shares)
+            moved = Pose2.from_array([*(held @ moved.translation), moved.yaw])
+        correction = float(np.hypot(*moved.translation))
         if correction > config.maximum_correction:
-            pose, kept_prior = last @ delta, kept_prior + 1
+            moved, held, kept_prior = Pose2(), np.zeros((2, 2)), kept_prior + 1
+        pose = last @ delta @ moved
         kiss.last_pose = pose.lifted()
         last_delta = last.inverse() @ pose
         last, last_prior, last_ns = pose, prior, scan.stamp_ns
         odom_from_base = start @ pose
         stamps.append(scan.stamp_ns)
         poses.append(odom_from_base.as_array())
+        turn = odom_from_base.rotation
+        left_open.append(turn @ (np.eye(2) - held) @ turn.T)
         thinned = frame[:: -(-len(frame) // config.event_points), :2]
         placed = odom_from_base.apply(thinned)
         record(OdometryScan(scan.stamp_ns, odom_from_base, placed, used_threshold, correction))
@@ -133,7 +150,7 @@ def place_scans(
     if last_map_ns != stamps[-1]:
         record(OdometryMap(stamps[-1], start.apply(kiss.local_map.point_cloud()[:, :2])))
     trajectory = Trajectory(np.array(stamps, dtype=np.int64), np.array(poses))
-    return PlacedScans(trajectory, skipped)
+    return PlacedScans(trajectory, skipped, np.array(left_open))
 
 
 def _make_kiss(config: OdometryConfig, threshold: float) -> Any:

@@ -39,6 +39,13 @@ def room(seed: int, *, size: tuple[float, float] = (6.0, 5.0)) -> Floats:
     return np.vstack(parts)
 
 
+def corridor(yaw: float, *, leg: float = 0.06) -> Floats:
+    """Return (n, 4) segments: two walls along ``yaw`` without an end in sight, four table legs."""
+    ends = np.array([[-40.0, -2.4], [40.0, -2.4], [-40.0, 2.6], [40.0, 2.6]])
+    walls = Pose2(0.0, 0.0, yaw).apply(ends).reshape(2, 4)
+    return np.vstack([walls, *[box(x, y, leg, leg) for x in (-0.5, 0.5) for y in (-0.3, 0.3)]])
+
+
 def cast_rays(segments: Floats, origins: Floats, angles: Floats) -> Floats:
     """Return (n,) distances from (n, 2) origins along (n,) angles, inf where nothing is hit."""
     direction = np.stack([np.cos(angles), np.sin(angles)], axis=1)[:, None]
