@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tablemap.geometry import Floats, Pose2
+from tablemap.geometry import Floats, Pose2, wrap_angle
 from tablemap.record import Record
 from tablemap.registration.results import Pair, PairIteration, PairStarted, StopScan
 
@@ -17,6 +17,7 @@ _SOURCE_POINTS = 360
 _NORMAL_COSINE = 0.9
 _LEAST_SIGMA = 0.002
 _LEAST_INLIERS = 20
+_HELD_POINTS = 0.05  # what fewer points than this (a radian counts as a metre) say is noise
 _DEPTH_SIGMA = 0.01
 _DEPTH_PRIOR = (0.05, 0.05, 0.04)
 
@@ -70,7 +71,10 @@ def align_laser_pair(
     correlation: float,
     record: Record,
 ) -> Pair:
-    """Align a planar source to a target by point-to-plane ICP from wide gates to narrow ones."""
+    """Align a planar source to a target by point-to-plane ICP from wide gates to narrow ones.
+
+    The start is kept where the geometry does not speak: along bare walls ICP would slide off.
+    """
     import open3d
 
     icp = open3d.pipelines.registration
@@ -82,12 +86,19 @@ def align_laser_pair(
     for gate in gates:
         loss = icp.GMLoss(max(kernel, gate / 3))
         estimation = icp.TransformationEstimationPointToPlane(loss)
+        rows, residuals, _ = correspondences(clouds, pose, gate=gate)
+        weight = np.square(1.0 / (1.0 + np.square(residuals / max(kernel, gate / 3))))
+        speaking = (rows.T * weight) @ rows
+        gain = np.linalg.solve(speaking + _HELD_POINTS * np.eye(3), speaking)
         for _ in range(_ITERATIONS_A_GATE):
             result = icp.registration_icp(
                 source_cloud.handle, target_cloud.handle, gate, pose.lifted(), estimation, once
             )
             # Open3D sums in the order in which its threads end: rounding makes runs repeat.
-            found = Pose2.projected(np.asarray(result.transformation)).as_array()
+            apart = Pose2.projected(np.asarray(result.transformation)).as_array()
+            apart -= target_from_source.as_array()
+            apart[2] = wrap_angle(apart[2])
+            found = target_from_source.as_array() + gain @ apart
             moved = Pose2.from_array(np.round(found, 9))
             inliers = len(result.correspondence_set)
             step = pose.inverse() @ moved

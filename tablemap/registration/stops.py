@@ -5,23 +5,18 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tablemap.config import RegistrationConfig
 from tablemap.geometry import Floats, Pose2
 from tablemap.odometry import Trajectory, points_in_base, sweep_motion
 from tablemap.recording import Recording
 from tablemap.recording.messages import LaserScan
+from tablemap.registration.normals import planar_normals
 from tablemap.registration.results import StopScan
 from tablemap.snapshots import Snapshot
 
 _SPREAD = 0.05  # beams of a stop further from their median saw something else (a person, a mix)
 _VALID_SHARE = 0.6
-_NORMAL_REACH = 0.06
-_NORMAL_BEAMS = 20
-_LEAST_COSINE = 0.15
-_LEAST_FLATNESS = 0.25
-_JUMP = 0.05
 _STILL = 0.005  # metres, and radians
 _NEAREST_SCAN_NS = 300_000_000
 
@@ -68,54 +63,6 @@ def combine_beams(ranges: Floats) -> Floats:
     return np.where(good, mean, np.nan)
 
 
-def planar_normals(points: Floats, origin: Floats) -> tuple[Floats, NDArray[np.bool_], float]:
-    """Return (n, 2) unit normals towards ``origin`` of (n, 2) points in beam order, and which hold.
-
-    Third comes the points' noise: metres RMS off their own lines (0.0 where none holds).
-
-    A normal is that of the line through the neighbours within 6 cm (or four beams, where those lie
-    further apart), not across a jump; NaN points are jumps. It holds with at least five neighbours
-    on a line, the incidence not too grazing.
-    """
-    n = len(points)
-    gap = np.full(n, True)
-    step = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    # Far off, and along a grazing wall, the beams themselves lie far apart.
-    spacing = _beam_spacing(points, origin)
-    gap[1:] = ~(step < np.fmax(_JUMP, 4 * spacing[1:]))
-    segment = np.cumsum(gap)
-    offsets = np.arange(-_NORMAL_BEAMS, _NORMAL_BEAMS + 1)
-    index = np.arange(n)[:, None] + offsets
-    inside = (index >= 0) & (index < n)
-    index = np.clip(index, 0, n - 1)
-    difference = points[index] - points[:, None]
-    near = inside & (segment[index] == segment[:, None])
-    near &= np.einsum("ijk,ijk->ij", difference, difference) < np.square(
-        np.fmax(_NORMAL_REACH, 4 * spacing)
-    ).reshape(-1, 1)
-    weight = near.astype(np.float64)
-    difference = np.where(near[..., None], difference, 0.0)
-    count = weight.sum(axis=1)
-    mean = difference.sum(axis=1) / np.maximum(count, 1)[:, None]
-    centred = (difference - mean[:, None]) * weight[..., None]
-    xx = np.einsum("ij,ij->i", centred[..., 0], centred[..., 0])
-    yy = np.einsum("ij,ij->i", centred[..., 1], centred[..., 1])
-    xy = np.einsum("ij,ij->i", centred[..., 0], centred[..., 1])
-    tangent = 0.5 * np.arctan2(2 * xy, xx - yy)
-    normals = np.stack([-np.sin(tangent), np.cos(tangent)], axis=1)
-    to_origin = np.where(np.isfinite(points), origin - points, 0.0)
-    cosine = np.einsum("ij,ij->i", normals, to_origin)
-    normals *= np.where(cosine < 0, -1.0, 1.0)[:, None]
-    incidence = np.abs(cosine) / np.maximum(np.linalg.norm(to_origin, axis=1), 1e-9)
-    # The neighbours must span a line, not a blob: chair legs have no normal to speak of.
-    trace, root = xx + yy, np.hypot(xx - yy, 2 * xy)
-    flat = (trace - root) < _LEAST_FLATNESS * (trace + root)
-    holds = np.isfinite(points).all(axis=1) & (count >= 5) & (incidence > _LEAST_COSINE) & flat
-    off = (trace - root)[holds] / 2 / np.maximum(count[holds] - 2, 1)
-    noise = float(np.sqrt(np.median(off))) if len(off) else 0.0
-    return normals, holds, noise
-
-
 def _standing_scans(
     recording: Recording, snapshot: Snapshot, trajectory: Trajectory, config: RegistrationConfig
 ) -> list[LaserScan]:
@@ -134,16 +81,6 @@ def _standing_scans(
         return []
     usual = layouts.most_common(1)[0][0]
     return [scan for scan in standing if _layout(scan) == usual]
-
-
-def _beam_spacing(points: Floats, origin: Floats) -> Floats:
-    """Return (n,) metres between neighbouring beams at each point's distance, if hit squarely."""
-    offset = points - origin
-    bearing = np.arctan2(offset[:, 1], offset[:, 0])
-    turn = np.abs((np.diff(bearing) + np.pi) % (2 * np.pi) - np.pi)
-    turn = turn[np.isfinite(turn)]
-    increment = float(np.median(turn)) if len(turn) else 0.0
-    return np.asarray(np.linalg.norm(offset, axis=1) * increment, dtype=np.float64)
 
 
 def _layout(scan: LaserScan) -> tuple[int, float, float]:
