@@ -28,6 +28,15 @@ SILENT = 0.02
 HARMLESS = 0.008
 """A warning is a false alarm where every figure is within this, metres."""
 
+LARGEST_TURN = float(np.radians(5.0))
+"""A top turned further against the snapshots is wrong itself, radians."""
+SYMMETRY = {
+    "rectangle": np.pi,
+    "parallelogram": np.pi,
+    "ellipse": np.pi,
+    "square": np.pi / 2,
+}
+"""The turn that brings a shape onto itself, radians; others have no heading."""
 FAMILY = {
     "rectangle": "quadrilateral",
     "square": "quadrilateral",
@@ -292,7 +301,7 @@ def _outline_distance(estimated: shapely.Geometry, true: shapely.Geometry) -> fl
 
 
 def _score_legs(model: TableModel, truth: Truth, truth_from_model: Pose2 | None) -> LegScore | None:
-    """Pair legs by the least total distance; places are compared relative to the top's centroid."""
+    """Pair legs by the least total distance; places are compared in the top's own frame."""
     if truth.legs is None or truth.surface.pose is None:
         return None
     true_pose = truth.surface.pose
@@ -305,6 +314,7 @@ def _score_legs(model: TableModel, truth: Truth, truth_from_model: Pose2 | None)
         )
     centroid = truth_from_model.apply([model.surface.pose.x, model.surface.pose.y])
     estimated = truth_from_model.apply([[leg.x, leg.y] for leg in model.legs]) - centroid
+    estimated = _turn_of(model.surface, truth.surface, truth_from_model).rotate(estimated)
     true = np.array([[leg.x, leg.y] for leg in truth.legs]) - [true_pose.x, true_pose.y]
     distances = np.hypot(*(estimated[:, None] - true[None]).transpose(2, 0, 1))
     rows, columns = linear_sum_assignment(np.minimum(distances, LEG_REACH))
@@ -327,6 +337,21 @@ def _score_legs(model: TableModel, truth: Truth, truth_from_model: Pose2 | None)
         tuple(places),
         tuple(sizes),
     )
+
+
+def _turn_of(surface: TableSurface, true: TrueSurface, truth_from_model: Pose2) -> Pose2:
+    """Return what turns the top onto the true one, where its shape has a heading.
+
+    The snapshots' poses that brought both together have an error of their own: a laser that is not
+    where TF has it turns them all, round a table that it does not turn.
+    """
+    periods = SYMMETRY.get(surface.shape), SYMMETRY.get(true.shape)
+    if None in periods or true.pose is None:
+        return Pose2()
+    period = min(p for p in periods if p is not None)
+    turn = true.pose.yaw - truth_from_model.yaw - surface.pose.yaw
+    turn = (turn + period / 2) % period - period / 2
+    return Pose2(0.0, 0.0, turn if abs(turn) < LARGEST_TURN else 0.0)
 
 
 def _leg_size(estimated: dict[str, Dimension], true: dict[str, float], status: str) -> Error:

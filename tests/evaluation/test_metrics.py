@@ -182,6 +182,23 @@ def test_legs_are_found_missed_and_invented() -> None:
     assert max(place.error for place in result.legs.places) < 5e-6
 
 
+def test_legs_are_measured_in_the_top_s_own_frame() -> None:
+    """Snapshots turned about the table by half a degree misplace no leg; a turned top does."""
+    model = rectangle_model()
+    truth = truth_of(model)
+    place = model.surface.pose
+    about = Pose2(place.x, place.y, 0.0)
+    motion = about @ Pose2(0.0, 0.0, np.radians(0.5)) @ about.inverse()
+    snapshots = moved(model, motion).snapshots
+    result = score(model.model_copy(update={"snapshots": snapshots}), truth)
+    assert np.degrees(max(result.headings)) < 1e-3
+    assert max(place.error for place in result.legs.places) < 5e-6
+    turned = with_surface(model, pose=place.model_copy(update={"yaw": place.yaw + 0.01}))
+    apart = [np.hypot(leg.x - place.x, leg.y - place.y) for leg in model.legs]
+    worst = max(place.error for place in score(turned, truth).legs.places)
+    assert worst == pytest.approx(0.01 * max(apart), rel=0.01)
+
+
 def test_coverage_is_that_of_the_sigmas() -> None:
     """Right sigmas cover 95 %; sigmas half too small cover 67 %."""
     rng = np.random.default_rng(5)
