@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -23,14 +23,18 @@ _EASE = 1.5  # the peak of the eased speed over its mean
 class Drive:
     """The true drive. ``stops`` (k, 2) are each stop's first and last second.
 
-    ``distances`` (k,) is where on the path they are, ``headings`` (k,) how far the robot looks past
-    its aim there, in radians, and ``tilts`` (k,) how far down the camera looks.
+    ``distances`` (k,) is where on the path they are and ``headings`` (k,) how far the robot looks
+    past its aim there, in radians. ``rests`` (m, 2) are the seconds in which the head rests, one or
+    several a stop, ``pans`` (m,) how far it is turned to the left then, about the base's vertical
+    axis, and ``tilts`` (m,) how far down the camera looks.
     """
 
     world: World
     stops: Floats
     distances: Floats
     headings: Floats
+    rests: Floats
+    pans: Floats
     tilts: Floats
     aim: float
 
@@ -46,29 +50,22 @@ class Drive:
 
     def base(self, seconds: Floats) -> Floats:
         """Return the base's true poses in the map: (n, 3) x, y, yaw."""
-        distance = self._eased(seconds, self.distances)
+        distance = _eased(seconds, self.stops, self.distances)
         places = np.asarray(
             shapely.get_coordinates(
                 shapely.line_interpolate_point(self.world.path, distance % self.world.path.length)
             )
         )
-        past = self._eased(seconds, self.headings)
+        past = _eased(seconds, self.stops, self.headings)
         return np.column_stack([places, self._facing(places) + past])
 
     def tilt(self, seconds: Floats) -> Floats:
         """Return how far down the camera looks, radians."""
-        return self._eased(seconds, self.tilts)
+        return _eased(seconds, self.rests, self.tilts)
 
-    def _eased(self, seconds: Floats, values: Floats) -> Floats:
-        """Interpolate what each stop has, starting and ending softly."""
-        if len(values) == 1:
-            return np.full(len(seconds), values[0])
-        i = np.clip(
-            np.searchsorted(self.stops[:, 0], seconds, side="right") - 1, 0, len(values) - 2
-        )
-        leave, arrive = self.stops[i, 1], self.stops[i + 1, 0]
-        done = np.clip((seconds - leave) / (arrive - leave), 0.0, 1.0)
-        return np.asarray(values[i] + (values[i + 1] - values[i]) * done**2 * (3 - 2 * done))
+    def pan(self, seconds: Floats) -> Floats:
+        """Return how far the head is turned to the left, radians."""
+        return _eased(seconds, self.rests, self.pans)
 
     def _facing(self, places: Floats) -> Floats:
         """Return the yaw (n,) that faces the table: its middle, and what of it is near."""
@@ -82,6 +79,16 @@ class Drive:
         )
         target = self.aim * middle + (1 - self.aim) * nearest
         return np.asarray(np.arctan2(target[:, 1] - places[:, 1], target[:, 0] - places[:, 0]))
+
+
+def _eased(seconds: Floats, spans: Floats, values: Floats) -> Floats:
+    """Interpolate what holds in each of (m, 2) spans of time, starting and ending softly."""
+    if len(values) == 1:
+        return np.full(len(seconds), values[0])
+    i = np.clip(np.searchsorted(spans[:, 0], seconds, side="right") - 1, 0, len(values) - 2)
+    leave, arrive = spans[i, 1], spans[i + 1, 0]
+    done = np.clip((seconds - leave) / (arrive - leave), 0.0, 1.0)
+    return np.asarray(values[i] + (values[i + 1] - values[i]) * done**2 * (3 - 2 * done))
 
 
 def draw_drive(robot: Robot, world: World, rng: np.random.Generator) -> Drive:
@@ -98,17 +105,26 @@ def draw_drive(robot: Robot, world: World, rng: np.random.Generator) -> Drive:
     distances = _where(world, azimuths + jitter)
     distances = np.unwrap(distances, period=world.path.length)
     gaps = np.abs(np.diff(distances))
+    looks = _looks(robot)
     stops = np.zeros((robot.stops, 2))
-    stops[0] = 0.0, robot.stop_seconds
+    stops[0] = 0.0, looks[-1, 1]
     for k, gap in enumerate(gaps):
         arrive = stops[k, 1] + max(_EASE * gap / robot.speed, 0.5)
-        stops[k + 1] = arrive, arrive + robot.stop_seconds
+        stops[k + 1] = arrive, arrive + looks[-1, 1]
     headings = rng.normal(0, np.deg2rad(2.5), robot.stops)
-    drive = Drive(world, stops, distances, headings, np.zeros(robot.stops), 0.7)
-    tilts = np.array(
-        [_tilt(pose, world, robot.camera_height) for pose in drive.base(stops.mean(axis=1))]
-    )
-    return Drive(world, stops, distances, headings, tilts, 0.7)
+    rests = (stops[:, None, :1] + looks).reshape(-1, 2)
+    pans = np.tile(np.deg2rad(robot.pan_deg), robot.stops)
+    drive = Drive(world, stops, distances, headings, rests, pans, np.zeros(len(rests)), 0.7)
+    gazes = drive.base(rests.mean(axis=1)) + pans[:, None] * (0.0, 0.0, 1.0)
+    tilts = np.array([_tilt(gaze, world, robot.camera_height) for gaze in gazes])
+    return replace(drive, tilts=tilts)
+
+
+def _looks(robot: Robot) -> Floats:
+    """Return (n, 2): from when to when the head rests in each direction, after a stop began."""
+    moves = _EASE * np.abs(np.diff(robot.pan_deg)) / robot.pan_speed_deg
+    starts = np.concatenate([[0.0], np.cumsum(robot.stop_seconds + moves)])
+    return np.column_stack([starts, starts + robot.stop_seconds])
 
 
 def _where(world: World, azimuths: Floats) -> Floats:
@@ -122,10 +138,10 @@ def _where(world: World, azimuths: Floats) -> Floats:
     return np.array(found)
 
 
-def _tilt(pose: Floats, world: World, camera_height: float) -> float:
+def _tilt(gaze: Floats, world: World, camera_height: float) -> float:
     """Aim the camera so that the near and the far rim of the top lie about the image's middle."""
-    base = Pose2.from_array(pose)
-    rim = (base.inverse() @ world.map_from_table).apply(world.top.outline)
+    looking = Pose2.from_array(gaze)
+    rim = (looking.inverse() @ world.map_from_table).apply(world.top.outline)
     ahead = np.linalg.norm(rim - (CAMERA_AHEAD, 0.0), axis=1)
     seen = np.abs(np.arctan2(rim[:, 1], rim[:, 0] - CAMERA_AHEAD)) < np.deg2rad(32)
     if not seen.any():

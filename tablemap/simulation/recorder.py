@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from tablemap.geometry import Floats
 from tablemap.simulation import laser as scanner
-from tablemap.simulation.camera import View, recorded_mounting
+from tablemap.simulation.camera import View, map_from, recorded_mounting
 from tablemap.simulation.ros import Messages, Profile
 from tablemap.simulation.scene import Scene
 from tablemap.simulation.simulation import Simulation
@@ -194,9 +194,9 @@ class _Pictures:
             data = bytes(12) + _encoded(depth, "PNG", compress_level=4)
             encoding = "16UC1; compressedDepth png"
             yield "compressed", messages.compressed_image(stamp_ns, CAMERA_FRAME, encoding, data)
-        stop = simulation.stop_at(second)
-        if robot.colour and stop not in self._colour_given:
-            self._colour_given.add(stop)
+        rest = simulation.rest_at(second)
+        if robot.colour and rest not in self._colour_given:
+            self._colour_given.add(rest)
             picture = camera.colour(view, self._rng)
             data = _encoded(picture, "JPEG", quality=80)
             encoding = "rgb8; jpeg compressed bgr8"
@@ -234,7 +234,13 @@ def _static(simulation: Simulation, messages: Messages) -> bytes:
 def _poses(simulation: Simulation, messages: Messages) -> list[bytes]:
     """Return the TF message of every time at which the robot publishes its pose."""
     belief, height = simulation.belief, simulation.scenario.robot.camera_height
-    heads = np.stack([recorded_mounting(height, t) for t in simulation.drive.tilt(belief.seconds)])
+    tilts, pans = simulation.drive.tilt(belief.seconds), simulation.drive.pan(belief.seconds)
+    heads = np.stack(
+        [
+            map_from(np.array([0.0, 0.0, pan]), recorded_mounting(height, tilt))
+            for tilt, pan in zip(tilts, pans, strict=True)
+        ]
+    )
     attitudes = Rotation.from_matrix(heads[:, :3, :3]).as_quat()
     serialised = []
     for i, second in enumerate(belief.seconds):

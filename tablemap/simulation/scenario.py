@@ -104,9 +104,13 @@ class Robot(Section):
     span_deg: float = Field(default=360.0, gt=0, le=360, description="less: stops on an open arc")
     clearance: float = Field(default=0.62, gt=0, description="from the table's hull to the base")
     clearance_spread: float = Field(default=0.06, ge=0)
-    stop_seconds: float = Field(default=1.5, gt=0)
+    stop_seconds: float = Field(default=1.5, gt=0, description="in each direction of the head")
     speed: float = Field(default=0.3, gt=0)
-    images_per_stop: int = Field(default=2, ge=1)
+    images_per_stop: int = Field(default=2, ge=1, description="in each direction of the head")
+    pan_deg: tuple[float, ...] = Field(
+        default=(0.0,), min_length=1, description="where the head looks at a stop, one by one"
+    )
+    pan_speed_deg: float = Field(default=60.0, gt=0, description="a second, at the fastest")
     laser: bool = True
     standing_scan_rate: float = Field(default=8.0, gt=0)
     moving_scan_rate: float = Field(default=10.0, gt=0)

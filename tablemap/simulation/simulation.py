@@ -44,9 +44,9 @@ class Simulation:
         """Return the stamp of a time of the drive."""
         return _FIRST_STAMP_NS + self.seed * 1_000_000_000_000 + round(second * 1e6) * 1000
 
-    def stop_at(self, second: float) -> int:
-        """Return the index of the stop at a time, or of the last one before it."""
-        return int(np.searchsorted(self.drive.stops[:, 0], second, side="right")) - 1
+    def rest_at(self, second: float) -> int:
+        """Return the index of the head's rest at a time, or of the last one before it."""
+        return int(np.searchsorted(self.drive.rests[:, 0], second, side="right")) - 1
 
     def parts(self, *, moved: bool) -> tuple[Part, ...]:
         """Return everything that stands in the room and is not glass, before or after the move."""
@@ -59,7 +59,9 @@ class Simulation:
         mounting = recorded_mounting(
             self.scenario.robot.camera_height, float(self.drive.tilt(at)[0])
         )
-        return map_from(self.drive.base(at)[0], self.camera.errors.applied(mounting))
+        # The head turns about the base's vertical axis, and the camera's errors turn with it.
+        looking = self.drive.base(at)[0] + self.drive.pan(at) * (0.0, 0.0, 1.0)
+        return map_from(looking, self.camera.errors.applied(mounting))
 
     def generator(self, purpose: str) -> np.random.Generator:
         """Return the random numbers of one purpose, the same each time."""
@@ -150,14 +152,14 @@ def _image_seconds(robot: Robot, drive: Drive) -> Floats:
     if robot.continuous_rate:
         return np.asarray(np.arange(0.1, drive.duration, 1 / robot.continuous_rate))
     within = (np.arange(robot.images_per_stop) + 1) / (robot.images_per_stop + 1)
-    return (drive.stops[:, :1] + within * robot.stop_seconds).ravel()
+    return (drive.rests[:, :1] + within * robot.stop_seconds).ravel()
 
 
 def _scan_seconds(robot: Robot, drive: Drive) -> Floats:
     """Return when scans are kept: often while standing, as often as the log was told on the way."""
     if not robot.laser:
         return np.zeros(0)
-    standing = np.arange(0.05, robot.stop_seconds - 0.03, 1 / robot.standing_scan_rate)
+    standing = np.arange(0.05, drive.stops[0, 1] - 0.03, 1 / robot.standing_scan_rate)
     seconds = (drive.stops[:, :1] + standing).ravel()
     moving = [
         np.arange(leave + 0.02, arrive - 0.03, 1 / robot.moving_scan_rate)

@@ -204,6 +204,36 @@ def test_both_profiles_are_readable(tmp_path: Path, profile: str) -> None:
     assert len(messages[scan][0][1].ranges) == 721
 
 
+def test_the_head_looks_in_one_direction_after_another(tmp_path: Path) -> None:
+    """TF has the head at rest while images are taken, and no faster than it can turn between."""
+    pans = (40.0, 0.0, -30.0)
+    path = tmp_path / "panning.mcap"
+    scenario = small("square", stops=2, pan_deg=pans, pan_speed_deg=50.0, colour=True)
+    simulation = simulate(scenario, seed=0)
+    write(simulation, path)
+    messages = log.read(path)
+    heads = log.transforms(messages)["head_rgbd_sensor_rgb_frame"]
+    stamps = np.array(sorted(heads))
+    yaws = np.rad2deg([np.arctan2(heads[s][1, 2], heads[s][0, 2]) for s in stamps.tolist()])
+    (depth,) = (topic for topic in messages if topic.endswith("compressedDepth"))
+    taken = np.array([log.stamp_ns(image) for _, image in messages[depth]])
+    assert len(taken) == 2 * len(pans) * scenario.robot.images_per_stop
+    for reach in (-100_000_000, 0, 100_000_000):
+        assert np.interp(taken + reach, stamps, yaws) == pytest.approx(
+            np.tile(np.repeat(pans, scenario.robot.images_per_stop), 2), abs=1e-6
+        )
+    stands = np.diff(simulation.drive.stops, axis=1)[0, 0]
+    within = (stamps - taken[0]) * 1e-9 < stands - scenario.robot.stop_seconds / 2
+    speeds = np.abs(np.diff(yaws[within])) / np.diff(stamps[within]) * 1e9
+    assert 40.0 < speeds.max() < 51.0
+    (colour,) = (topic for topic in messages if topic.endswith("rgb/image_rect_color/compressed"))
+    assert len(messages[colour]) == 2 * len(pans)
+    for k in (0, 1):
+        start, end = simulation.drive.stops[k]
+        bases = simulation.drive.base(np.linspace(start, end, 20))
+        assert np.ptp(bases, axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
+
+
 def test_nothing_unfinished_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A recording that could not be finished leaves no file behind."""
 
