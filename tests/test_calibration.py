@@ -9,6 +9,7 @@ import pytest
 
 from tablemap.calibration import calibrate
 from tablemap.config import CalibrationConfig
+from tablemap.geometry import Pose2
 from tablemap.snapshots import Snapshot
 from tests.rendering import CAMERA, Box, mounting, round_trip, table, tilted
 
@@ -34,6 +35,36 @@ def test_tilt_and_scale_come_out_within_targets() -> None:
     floor = np.abs(points[..., 2]) < 0.02
     assert np.median(points[floor][:, 2]) == pytest.approx(0.0, abs=0.001)
     assert not result.warnings
+
+
+def panning(*, errs_with_the_head: bool) -> tuple[Snapshot, ...]:
+    """Views to three sides from two places; either the head's pitch is off or the base leans."""
+    views = []
+    for index, pan in enumerate(np.deg2rad([-50.0, 0.0, 50.0] * 2)):
+        turn = Pose2(0.0, 0.0, float(pan)).lifted()
+        if errs_with_the_head:
+            true = turn @ tilted(mounting(), roll=0.0, pitch=np.deg2rad(0.4))
+        else:
+            true = tilted(turn @ mounting(), roll=0.0, pitch=np.deg2rad(0.4))
+        (view,) = round_trip(
+            [], (0.0, 0.0), views=1, mount=true, recorded_mount=turn @ mounting(), seed=index
+        )
+        views.append(replace(view, index=index))
+    return tuple(views)
+
+
+@pytest.mark.parametrize("errs_with_the_head", [True, False])
+def test_a_pitch_turns_with_the_head_or_stays_with_the_base(errs_with_the_head: bool) -> None:
+    """Which of the two is off is told by the floor to all sides, and every view's floor is flat."""
+    result = calibrate(panning(errs_with_the_head=errs_with_the_head), config=CONFIG)
+    assert np.rad2deg([result.roll, result.pitch]) == pytest.approx([0.0, 0.4], abs=0.03)
+    assert result.depth_scale == pytest.approx(1.0, abs=0.002)
+    for snapshot in result.snapshots:
+        points = snapshot.points_in_base().reshape(-1, 3)
+        points = points[np.isfinite(points[:, 2])]
+        for side in (points[:, 1] < 0, points[:, 1] > 0):
+            if side.sum() > 1000:
+                assert np.median(points[side, 2]) == pytest.approx(0.0, abs=0.001)
 
 
 def test_what_the_floor_cannot_tell_stays_in_the_covariance() -> None:

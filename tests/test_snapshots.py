@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from tablemap.config import SnapshotsConfig
 from tablemap.errors import EstimationError, RecordingError
 from tablemap.geometry import Floats, Pose2, transform
 from tablemap.recording import DepthFrame, FrameNames, Recording
 from tablemap.recording.messages import CompressedImage, Image
-from tablemap.snapshots import depth_sigma, take_snapshots
+from tablemap.snapshots import Snapshot, depth_sigma, take_snapshots
 from tablemap.snapshots.combining import combine
 from tests.rendering import CAMERA, MESSAGE, mounting, round_trip
 
@@ -28,6 +30,7 @@ class Drive(Recording):
     """A made-up recording: (t, x, y, yaw) knots of the true path, images at given times.
 
     ``jumps`` shifts the localisation by metres in x from a time on; wheels follow the true path.
+    ``head`` has (t, pan, tilt) knots in degrees, ``jitter_deg`` is what its encoders add.
     """
 
     def __init__(
@@ -39,6 +42,8 @@ class Drive(Recording):
         wheels: bool = True,
         jumps: tuple[tuple[float, float], ...] = (),
         pose_span: tuple[float, float] | None = None,
+        head: list[tuple[float, float, float]] | None = None,
+        jitter_deg: float = 0.0,
     ) -> None:
         self.path = Path("drive.mcap")
         self.warnings = []
@@ -50,6 +55,8 @@ class Drive(Recording):
         self.pose_span = (int(ends[0] * SECOND), int(ends[1] * SECOND))
         self.start_ns, self.end_ns = 0, int(self.knots[-1, 0] * SECOND)
         self.decoded: list[int] = []
+        self.head = np.array([(0.0, 0.0, 0.0)] if head is None else head)
+        self.jitter_deg = jitter_deg
 
     def _true(self, stamp_ns: int) -> Pose2:
         t = stamp_ns / SECOND
@@ -66,7 +73,24 @@ class Drive(Recording):
             self.decoded.append(int(stamp))
             depth = np.full((CAMERA.height, CAMERA.width), 1.0, dtype=np.float32)
             message = replace(MESSAGE, stamp_ns=int(stamp))
-            yield DepthFrame(int(stamp), depth, K, message, mounting())
+            yield DepthFrame(int(stamp), depth, K, message, self.mount(int(stamp)))
+
+    def mount(self, stamp_ns: int) -> Floats:
+        """Return how the head holds the camera: turned about the base's vertical axis, and down."""
+        t = stamp_ns / SECOND
+        pan, tilt = (float(np.interp(t, self.head[:, 0], self.head[:, i])) for i in (1, 2))
+        jitter = self.jitter_deg * np.array([np.sin(1e3 * t), np.cos(7e2 * t)])
+        held = mounting().copy()
+        nod = Rotation.from_euler("y", tilt + jitter[1], degrees=True).as_matrix()
+        held[:3, :3] = nod @ held[:3, :3]
+        turn = np.eye(4)
+        turn[:3, :3] = Rotation.from_euler("z", pan + jitter[0], degrees=True).as_matrix()
+        return turn @ held
+
+    def base_from_cameras(self, stamps_ns: ArrayLike) -> tuple[Floats, NDArray[np.bool_]]:
+        """Return how the head held the camera."""
+        mounts = np.array([self.mount(int(s)) for s in np.asarray(stamps_ns)])
+        return mounts.reshape(-1, 4, 4), np.ones(len(mounts), dtype=bool)
 
     def colour_near(
         self, stamps_ns: NDArray[np.int64], tolerance_ns: int = 100_000_000
@@ -162,6 +186,113 @@ def test_a_camera_that_never_rests_gives_keyframes() -> None:
     assert len(drive.decoded) == len(result.snapshots)
     places = np.array([s.map_from_base.translation for s in result.snapshots])
     assert np.linalg.norm(np.diff(places, axis=0), axis=1).min() > 0.15
+
+
+STANDING = [(0.0, 0.0, 0.0, 0.3), (14.0, 0.0, 0.0, 0.3)]
+PANNING = [
+    *((0.0, -40.0, 0.0), (3.0, -40.0, 0.0), (4.0, 0.0, 0.0), (7.0, 0.0, 0.0)),
+    *((8.0, 40.0, 0.0), (11.0, 40.0, 0.0), (12.0, 40.0, 20.0), (14.0, 40.0, 20.0)),
+]
+TRIPOD = np.arange(0.0, 14.0, 0.1)
+
+
+def pans_deg(snapshots: tuple[Snapshot, ...]) -> list[int]:
+    """Return where the cameras look in the base, by their optical axes."""
+    axes = [s.base_from_camera[:3, 2] for s in snapshots]
+    return [round(float(np.rad2deg(np.arctan2(axis[1], axis[0])))) for axis in axes]
+
+
+def test_each_direction_of_the_head_is_a_view() -> None:
+    """A base that stands while its head looks three ways, and once lower, gives four snapshots."""
+    result = take_snapshots(Drive(STANDING, TRIPOD, head=PANNING), config=CONFIG)
+    assert result.kind == "stops"
+    assert pans_deg(result.snapshots) == [-40, 0, 40, 40]
+    assert all(s.images == CONFIG.images_per_stop for s in result.snapshots)
+    dips = [np.rad2deg(np.arcsin(s.base_from_camera[2, 2])) for s in result.snapshots]
+    assert dips[3] == pytest.approx(dips[2] - 20.0, abs=0.01)
+    moving = [a.stamp_ns / SECOND for a in result.set_aside]
+    assert all("while the camera moved" in a.reason for a in result.set_aside)
+    assert len(moving) == pytest.approx(28, abs=4)
+    assert all(3 < t < 4 or 7 < t < 8 or 11 < t < 12 for t in moving)
+
+
+def test_views_of_one_stop_share_its_time() -> None:
+    """No moment, and with it no laser scan, belongs to two views; all of the stop is used."""
+    drive = Drive(STANDING, TRIPOD, head=PANNING)
+    views = take_snapshots(drive, config=CONFIG).snapshots
+    whole = take_snapshots(Drive(STANDING, TRIPOD), config=CONFIG).snapshots[0]
+    assert (views[0].start_ns, views[-1].end_ns) == (whole.start_ns, whole.end_ns)
+    for before, after in pairwise(views):
+        assert before.end_ns < after.start_ns <= before.end_ns + 1
+    assert all(view.start_ns <= view.stamp_ns <= view.end_ns for view in views)
+
+
+def test_the_head_looks_about_at_every_stop() -> None:
+    """Four stops with two directions each are eight views, each with its own base's pose."""
+    head: list[tuple[float, float, float]] = []
+    for start in (0.0, 6.0, 12.0, 18.0):
+        head += [(start, 30.0, 0.0), (start + 1.3, 30.0, 0.0)]
+        head += [(start + 1.6, -30.0, 0.0), (start + 3.0, -30.0, 0.0)]
+    result = take_snapshots(Drive(STOPS, VIDEO, head=head), config=CONFIG)
+    assert (result.kind, pans_deg(result.snapshots)) == ("stops", [30, -30] * 4)
+    yaws = [s.map_from_base.yaw for s in result.snapshots]
+    np.testing.assert_allclose(yaws, np.repeat([0.0, 0.8, 1.6, 2.4], 2), atol=1e-9)
+
+
+def test_one_image_a_direction() -> None:
+    """Single images seconds apart, each in its own direction, are a snapshot each."""
+    images = np.array([1.5, 5.5, 9.5, 13.0])
+    for rate in (0.1, 20.0):
+        drive = Drive(STANDING, images, head=PANNING, pose_rate=rate, wheels=False)
+        result = take_snapshots(drive, config=CONFIG)
+        assert (result.kind, len(result.snapshots)) == ("stops", 4)
+        assert result.set_aside == ()
+
+
+@pytest.mark.parametrize("sag_deg", [0.0, 2.0])
+def test_a_head_that_jitters_or_sags_is_one_view(sag_deg: float) -> None:
+    """Encoder noise and a slow drift leave each stop one view, for its whole time."""
+    head = [(0.0, 0.0, 0.0), (21.0, 0.0, 4 * sag_deg)]
+    drive = Drive(STOPS, VIDEO, head=head, jitter_deg=0.05)
+    result = take_snapshots(drive, config=CONFIG)
+    still = take_snapshots(Drive(STOPS, VIDEO), config=CONFIG)
+    times = [(s.start_ns, s.end_ns) for s in result.snapshots]
+    assert times == [(s.start_ns, s.end_ns) for s in still.snapshots]
+    assert all("camera moved, or changed" in a.reason for a in result.set_aside)
+    assert bool(result.set_aside) == (sag_deg > 0)
+
+
+def test_a_direction_seen_again_counts_once() -> None:
+    """Of two rests in one direction the longer is taken, and the other named."""
+    head = [(0.0, 0, 0), (3.0, 0, 0), (4.0, 40, 0), (6.0, 40, 0), (7.0, 0, 0), (14.0, 0, 0)]
+    result = take_snapshots(Drive(STANDING, TRIPOD, head=head), config=CONFIG)
+    assert pans_deg(result.snapshots) == [40, 0]
+    again = [a for a in result.set_aside if a.what == "viewpoint"]
+    assert len(again) == 1
+    assert again[0].stamp_ns < 3 * SECOND
+    assert "another time" in again[0].reason
+
+
+def test_a_head_that_never_rests_gives_views_by_angle() -> None:
+    """A base that stands while its head sweeps without a halt still shows all that it saw."""
+    sweep = [(0.0, -60.0, 0.0), (14.0, 80.0, 0.0)]
+    result = take_snapshots(Drive(STANDING, TRIPOD, head=sweep), config=CONFIG)
+    assert result.kind == "stops"
+    assert np.diff(pans_deg(result.snapshots)).min() >= CONFIG.keyframe_angle_deg - 1
+    assert len(result.snapshots) == pytest.approx(140 / CONFIG.keyframe_angle_deg, abs=2)
+    assert len(result.snapshots) + len(result.set_aside) == len(TRIPOD)
+    assert all("kept turning" in a.reason for a in result.set_aside)
+
+
+def test_few_views_are_chosen_by_where_the_camera_looks() -> None:
+    """Where only two may be kept, those that look apart are, and the reason holds."""
+    result = take_snapshots(
+        Drive(STANDING, TRIPOD, head=PANNING), config=SnapshotsConfig(maximum=2)
+    )
+    assert np.ptp(pans_deg(result.snapshots)) >= 40
+    dropped = [a for a in result.set_aside if a.what == "viewpoint"]
+    assert len(dropped) == 2
+    assert all("no new view among the 2" in a.reason for a in dropped)
 
 
 def test_images_without_a_pose_are_set_aside() -> None:

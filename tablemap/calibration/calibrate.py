@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tablemap.calibration.fit import COMMON, fit_common, fit_floor, views_apart
+from tablemap.calibration.fit import COMMON, fit_axes, fit_floor, views_apart
 from tablemap.calibration.floor import Floor, collect_floor, correction, residuals
 from tablemap.calibration.focal import FocalLength, estimate_focal, with_focal
 from tablemap.calibration.level import floor_level, lowered
@@ -22,7 +22,8 @@ class Calibration:
 
     ``roll`` and ``pitch`` (radians, about the base's x and y axes) and ``depth_scale`` (factor on
     every depth) turn the recorded camera into the corrected one; ``covariance`` (3, 3) is theirs,
-    in that order, priors included. ``height_correction`` (metres) lifts the camera where the floor
+    in that order, priors included. Where the camera errs with a head that turns, they are
+    about the head's axes. ``height_correction`` (metres) lifts the camera where the floor
     lies beside z = 0. ``floor_rms_before`` and ``floor_rms_after`` are the floor's residuals in
     metres.
     ``snapshots`` are the corrected ones, in the order given. ``depth_offset`` (metres, added after
@@ -142,13 +143,13 @@ def _calibrate(
             "recorded",
         )
         return _result(snapshots, np.zeros(5), np.diag(prior**2), {}, floor, (warning,))
-    common, covariance = fit_common(floor, prior, len(snapshots))
+    floor, common, covariance = fit_axes(floor, prior, len(snapshots))
     focal = estimate_focal(snapshots, floor, common, prior, config)
     warnings = []
     if focal is not None and focal.applied:
         snapshots = with_focal(snapshots, focal.scale)
         floor = collect_floor(snapshots, config) or floor
-        common, covariance = fit_common(floor, prior, len(snapshots))
+        floor, common, covariance = fit_axes(floor, prior, len(snapshots))
         warnings.append(_focal_warning(focal))
     by_view: dict[int, Floats] = {}
     able, scatter = views_apart(floor, common, len(snapshots))
@@ -221,8 +222,9 @@ def _result(
             after = float(np.sqrt(np.mean(last[counted] ** 2)))
     scale = 1 + float(common[2])
     corrected = []
-    for snapshot, mine in zip(snapshots, own, strict=True):
-        rotation, lift = correction(common, mine)
+    turns = np.zeros(len(snapshots)) if floor is None else floor.turns
+    for snapshot, mine, turn in zip(snapshots, own, turns, strict=True):
+        rotation, lift = correction(common, mine, float(turn))
         mount = snapshot.base_from_camera.copy()
         mount[:3, :3] = rotation @ mount[:3, :3]
         mount[2, 3] += lift

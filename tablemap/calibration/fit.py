@@ -15,6 +15,26 @@ LEAST_FLOOR_SHARE = 0.15
 COMMON = 5  # roll, pitch, scale - 1, height, offset
 
 
+def fit_axes(floor: Floor, prior: Floats, views: int) -> tuple[Floor, Floats, Floats]:
+    """Fit the common correction in the axes of the head or of the base, whichever errs.
+
+    A camera that sits askew on its head errs with the head's turns, a base that leans does not. The
+    floor tells: that is returned which it agrees with, in its axes, with `fit_common` of it.
+    """
+    common, covariance = fit_common(floor, prior, views)
+    if floor.turns.any():
+        still = floor.in_base_axes()
+        other, other_covariance = fit_common(still, prior, views)
+        if _disagreement(still, other, views) < _disagreement(floor, common, views):
+            return still, other, other_covariance
+    return floor, common, covariance
+
+
+def _disagreement(floor: Floor, common: Floats, views: int) -> float:
+    residual = residuals(floor, common, np.zeros((views, 3)))
+    return float(np.sum(floor.weight * np.minimum(np.abs(residual), GATES_M[-1]) ** 2))
+
+
 def fit_common(floor: Floor, prior: Floats, views: int) -> tuple[Floats, Floats]:
     """Return the common correction (5,) and its covariance, from the floor and not from a platform.
 

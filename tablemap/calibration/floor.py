@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from tablemap.config import CalibrationConfig
 from tablemap.geometry import Floats
-from tablemap.snapshots import Snapshot, depth_sigma
+from tablemap.snapshots import Snapshot, depth_sigma, turned_left
 from tablemap.snapshots.noise import coarse_step
 from tablemap.snapshots.normals import upward_share
 
@@ -25,7 +25,8 @@ UNEVEN_M = 0.002  # floors are flat to about this
 class Floor:
     """Floor samples of all views.
 
-    ``arms`` (n, 3) from the camera, in base axes; ``steep`` (n,) how far down a metre of depth
+    ``arms`` (n, 3) from the camera, in base axes that turn with the head: by ``turns`` (views,)
+    radians, all 0 of a head that does not; ``steep`` (n,) how far down a metre of depth
     leads; ``camera_z``, ``sigma``, ``weight`` and ``view`` (n,). ``beside`` (n,) is the part of an
     arm's height that comes from beside the optical axis, which a focal length stretches. ``step``
     metres between depth values, where they are coarse, else 0.
@@ -40,6 +41,12 @@ class Floor:
     pixels: int
     step: float
     beside: Floats
+    turns: Floats
+
+    def in_base_axes(self) -> Floor:
+        """Return the same floor in axes that do not turn with the head."""
+        arms = _turned(self.arms, self.turns[self.view])
+        return replace(self, arms=arms, turns=np.zeros_like(self.turns))
 
 
 def collect_floor(snapshots: tuple[Snapshot, ...], config: CalibrationConfig) -> Floor | None:
@@ -78,6 +85,9 @@ def collect_floor(snapshots: tuple[Snapshot, ...], config: CalibrationConfig) ->
     sigma_all = np.sqrt(np.concatenate([p[1] for p in parts]).astype(np.float64) ** 2 + UNEVEN_M**2)
     views = np.concatenate([p[2] for p in parts]).astype(np.int64)
     heights = np.array([s.base_from_camera[2, 3] for s in snapshots])[views]
+    turns = turned_left(np.stack([s.base_from_camera for s in snapshots]))
+    if turns.any():
+        arms_all = _turned(arms_all, -turns[views])
     share = min(1.0, (STRIDE_PX * thin / BLOCK_PX) ** 2)
     return Floor(
         arms=arms_all,
@@ -89,15 +99,28 @@ def collect_floor(snapshots: tuple[Snapshot, ...], config: CalibrationConfig) ->
         pixels=pixels,
         step=float(np.median(steps)),
         beside=np.concatenate([p[4] for p in parts]).astype(np.float64),
+        turns=turns,
     )
 
 
-def correction(common: Floats, own: Floats | None = None) -> tuple[Floats, float]:
-    """Return the (3, 3) rotation about the camera and the lift of it."""
+def _turned(arms: Floats, angles: Floats) -> Floats:
+    """Turn (n, 3) arms about the vertical by (n,) radians."""
+    c, s = np.cos(angles), np.sin(angles)
+    x, y, z = arms.T
+    return np.column_stack([c * x - s * y, s * x + c * y, z])
+
+
+def correction(common: Floats, own: Floats, turn: float) -> tuple[Floats, float]:
+    """Return the (3, 3) rotation about the camera and the lift of it, for axes turned by an angle.
+
+    ``own`` (3,) is the view's roll, pitch and height on top of the ``common`` ones.
+    """
     roll, pitch, lift = common[0], common[1], common[3]
-    if own is not None:
-        roll, pitch, lift = roll + own[0], pitch + own[1], lift + own[2]
+    roll, pitch, lift = roll + own[0], pitch + own[1], lift + own[2]
     rotation: Floats = Rotation.from_euler("xy", [roll, pitch]).as_matrix()
+    if turn:
+        about = Rotation.from_euler("z", turn).as_matrix()
+        rotation = about @ rotation @ about.T
     return rotation, float(lift)
 
 

@@ -198,6 +198,10 @@ class Recording:
             raise RecordingError(f"The laser's pose is not known at {stamp_ns} ns.")
         return np.array(poses[0])
 
+    def base_from_cameras(self, stamps_ns: ArrayLike) -> tuple[Floats, NDArray[np.bool_]]:
+        """Return the optical frame's (n, 4, 4) poses in the base, and which of them are known."""
+        return self._base_from(self.names.camera, np.asarray(stamps_ns, dtype=np.int64))
+
     def fixed_from_base(self, stamp_ns: int) -> Floats | None:
         """Return the localised (4, 4) pose of the base, or None where it is not known."""
         poses, valid = self.fixed_from_bases([stamp_ns])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from tablemap.snapshots.directions import turned_left
 from tablemap.snapshots.noise import axial_noise, depth_sigma
 from tablemap.snapshots.taking import take_snapshots
 from tablemap.snapshots.types import Camera, SetAside, Snapshot, Snapshots
@@ -14,4 +15,5 @@ __all__ = [
     "axial_noise",
     "depth_sigma",
     "take_snapshots",
+    "turned_left",
 ]

@@ -87,23 +87,29 @@ def _merge_creeping(intervals: list[tuple[int, int]], motion: Motion) -> list[tu
     return merged
 
 
-def choose_by_new_view(poses: Floats, maximum: int, config: SnapshotsConfig) -> NDArray[np.int64]:
-    """Return the indices of poses (n, 3) that show something new, at most ``maximum``.
+def far_apart(stamps: NDArray[np.int64]) -> bool:
+    """Tell whether stamps lie so far apart that each is a viewpoint of its own."""
+    return len(stamps) < 2 or float(np.median(np.diff(stamps))) > SECOND_NS
 
-    A pose is kept where it differs from all kept ones by a distance or an angle; both grow until
-    few enough are left.
+
+def choose_by_new_view(views: Floats, maximum: int, config: SnapshotsConfig) -> NDArray[np.int64]:
+    """Return the indices of views (n, 4) that show something new, at most ``maximum``.
+
+    A view is the base's place, the camera's heading and how high it looks. It is kept where it
+    differs from all kept ones by a distance or an angle; both grow until few enough are left.
     """
-    if len(poses) == 0:
+    if len(views) == 0:
         return np.zeros(0, dtype=np.int64)
     scale = 1.0
     while True:
         distance = config.keyframe_distance * scale
         angle = np.deg2rad(config.keyframe_angle_deg) * scale
         kept = [0]
-        for i in range(1, len(poses)):
-            delta = poses[i] - poses[kept]
+        for i in range(1, len(views)):
+            delta = views[i] - views[kept]
             turn = (delta[:, 2] + np.pi) % (2 * np.pi) - np.pi
-            apart = (np.hypot(delta[:, 0], delta[:, 1]) / distance) ** 2 + (turn / angle) ** 2
+            apart = (np.hypot(delta[:, 0], delta[:, 1]) / distance) ** 2
+            apart += (turn / angle) ** 2 + (delta[:, 3] / angle) ** 2
             if apart.min() >= 1.0:
                 kept.append(i)
         if len(kept) <= maximum:

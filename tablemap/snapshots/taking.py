@@ -2,48 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from tablemap.config import SnapshotsConfig
 from tablemap.errors import EstimationError, RecordingError
-from tablemap.geometry import Floats, Pose2, invert
+from tablemap.geometry import Pose2, invert
 from tablemap.recording import DepthFrame, Recording
 from tablemap.snapshots.combining import combine
+from tablemap.snapshots.directions import by_direction, planar_pose, same_mount, views_at
 from tablemap.snapshots.stops import (
-    SECOND_NS,
     choose_by_new_view,
+    far_apart,
     sample_motion,
     standing_intervals,
 )
-from tablemap.snapshots.types import Camera, SetAside, Snapshot, Snapshots
+from tablemap.snapshots.types import Camera, SetAside, Snapshot, Snapshots, Viewpoint
 
 SAME_PLACE_M, SAME_HEADING = 0.02, np.deg2rad(1.0)
-SAME_MOUNT_M, SAME_MOUNT_ANGLE = 0.003, np.deg2rad(0.3)
-
-
-@dataclass(frozen=True, eq=False)
-class Viewpoint:
-    """A planned snapshot: when the base stood, and the ``stamps_ns`` of the images there."""
-
-    start_ns: int
-    end_ns: int
-    stamps_ns: NDArray[np.int64]
-
-    @property
-    def middle_ns(self) -> int:
-        """The image nearest the middle of the images."""
-        return int(self.stamps_ns[len(self.stamps_ns) // 2])
 
 
 def take_snapshots(recording: Recording, *, config: SnapshotsConfig) -> Snapshots:
     """Find the viewpoints by the poses, then decode and combine only their images.
 
-    Each stop gives one snapshot; a recording that never stands still gives keyframes by distance
-    and angle. Raises `RecordingError` without depth images and `EstimationError` where none of them
-    has a pose.
+    Each stop gives one snapshot, or one for each direction in which the camera rested there; a
+    recording that never stands still gives keyframes by distance and angle. Raises
+    `RecordingError` without depth images and `EstimationError` where none of them has a pose.
     """
     stamps = np.unique(recording.depth_stamps())
     if len(stamps) == 0:
@@ -52,8 +36,13 @@ def take_snapshots(recording: Recording, *, config: SnapshotsConfig) -> Snapshot
             f"--set topics.depth=TOPIC: {recording.path}"
         )
     located, aside = _with_pose(recording, stamps)
-    kind, viewpoints = _plan(recording, located, config)
-    kept = _limit(recording, viewpoints, config)
+    kind, stops = _plan(recording, located, config)
+    viewpoints: list[Viewpoint] = []
+    for stop in stops:
+        parts, unused = by_direction(recording, stop, config)
+        viewpoints += parts
+        aside += unused
+    kept = _limit(recording, viewpoints, kind, config)
     skipped = [viewpoints[i] for i in np.setdiff1d(np.arange(len(viewpoints)), kept)]
     for viewpoint in skipped:
         aside.append(
@@ -101,7 +90,7 @@ def _plan(
 ) -> tuple[str, list[Viewpoint]]:
     """Return the kind of recording and its viewpoints, before any limit on their number."""
     poses = recording.pose_stamps()
-    if _sparse(stamps) and (len(poses) < 2 or _sparse(poses)):
+    if far_apart(stamps) and (len(poses) < 2 or far_apart(poses)):
         return "stops", _by_place(recording, stamps)
     motion = sample_motion(recording, stamps)
     intervals = standing_intervals(motion, config)
@@ -115,14 +104,9 @@ def _plan(
         return "stops", stops
     if stops and 2 * standing >= len(stamps):
         return "stops", stops
-    if _sparse(stamps):
+    if far_apart(stamps):
         return "stops", _by_place(recording, stamps)
     return "keyframes", [Viewpoint(int(s), int(s), np.array([s])) for s in stamps]
-
-
-def _sparse(stamps: NDArray[np.int64]) -> bool:
-    """Tell whether stamps lie so far apart that each is a viewpoint of its own."""
-    return len(stamps) < 2 or float(np.median(np.diff(stamps))) > SECOND_NS
 
 
 def _by_place(recording: Recording, stamps: NDArray[np.int64]) -> list[Viewpoint]:
@@ -130,7 +114,7 @@ def _by_place(recording: Recording, stamps: NDArray[np.int64]) -> list[Viewpoint
     groups: list[list[int]] = []
     place: Pose2 | None = None
     for stamp in stamps:
-        pose = _planar_pose(recording, int(stamp))
+        pose = planar_pose(recording, int(stamp))
         if place is not None:
             step = place.inverse() @ pose
             if np.hypot(step.x, step.y) < SAME_PLACE_M and abs(step.yaw) < SAME_HEADING:
@@ -141,23 +125,18 @@ def _by_place(recording: Recording, stamps: NDArray[np.int64]) -> list[Viewpoint
     return [Viewpoint(g[0], g[-1], np.array(g, dtype=np.int64)) for g in groups]
 
 
-def _planar_pose(recording: Recording, stamp_ns: int) -> Pose2:
-    pose = recording.fixed_from_base(stamp_ns)
-    if pose is None:
-        raise EstimationError(f"No pose at {stamp_ns} ns: {recording.path}")
-    return Pose2.projected(pose)
-
-
 def _limit(
-    recording: Recording, viewpoints: list[Viewpoint], config: SnapshotsConfig
+    recording: Recording, viewpoints: list[Viewpoint], kind: str, config: SnapshotsConfig
 ) -> NDArray[np.int64]:
     """Return the indices of the viewpoints to keep, at most as many as configured."""
     if all(len(v.stamps_ns) > 1 or v.end_ns > v.start_ns for v in viewpoints) and (
         len(viewpoints) <= config.maximum
     ):
         return np.arange(len(viewpoints))
-    poses = np.array([_planar_pose(recording, v.middle_ns).as_array() for v in viewpoints])
-    return choose_by_new_view(poses, config.maximum, config)
+    views = views_at(recording, np.array([v.middle_ns for v in viewpoints], dtype=np.int64))
+    if kind == "keyframes":
+        views[:, 3] = 0.0  # what moves nods on its way; another place is soon seen anyhow
+    return choose_by_new_view(views, config.maximum, config)
 
 
 def _decode(
@@ -245,20 +224,13 @@ def _alike(frames: list[DepthFrame]) -> list[int]:
             if (
                 frame.depth.shape == first.depth.shape
                 and np.allclose(frame.k, first.k)
-                and _mount_differs_little(frame.base_from_camera, first.base_from_camera)
+                and same_mount(frame.base_from_camera, first.base_from_camera)
             ):
                 group.append(i)
                 break
         else:
             groups.append([i])
     return max(groups, key=len)
-
-
-def _mount_differs_little(first: Floats, second: Floats) -> bool:
-    """Tell whether two (4, 4) mountings are the same to what encoders jitter."""
-    shift = np.linalg.norm(first[:3, 3] - second[:3, 3])
-    cosine = (np.trace(first[:3, :3].T @ second[:3, :3]) - 1) / 2
-    return bool(shift < SAME_MOUNT_M and np.arccos(np.clip(cosine, -1, 1)) < SAME_MOUNT_ANGLE)
 
 
 def _camera(frame: DepthFrame) -> Camera:

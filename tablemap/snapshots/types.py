@@ -35,6 +35,20 @@ class Camera:
 
 
 @dataclass(frozen=True, eq=False)
+class Viewpoint:
+    """A planned snapshot: when the base stood, and the ``stamps_ns`` of the images there."""
+
+    start_ns: int
+    end_ns: int
+    stamps_ns: NDArray[np.int64]
+
+    @property
+    def middle_ns(self) -> int:
+        """The image nearest the middle of the images."""
+        return int(self.stamps_ns[len(self.stamps_ns) // 2])
+
+
+@dataclass(frozen=True, eq=False)
 class Snapshot:
     """One viewpoint.
 
@@ -42,7 +56,8 @@ class Snapshot:
     ``images`` images of the stop. ``base_from_camera`` (4, 4) carries the camera's height, roll and
     pitch, also where those came from the localisation: the base moves in the plane alone
     (``map_from_base``, as localised at ``stamp_ns``). ``odom_from_base`` is None without wheel
-    odometry. ``start_ns`` and ``end_ns`` bound the time that the base stood still.
+    odometry. ``start_ns`` and ``end_ns`` bound the time that the base stood still,
+    or this view's part of it where the camera rested in several directions.
     ``depth_message`` and ``colour_message`` are what was recorded nearest the stamp. ``base_z`` is
     the height of the base's own origin in the fixed frame, metres.
     """
