@@ -120,6 +120,9 @@ def _log_bases(stream: Stream, registration: Registration) -> None:
         return
     is_few = len(poses) <= FEW_STOPS
     ahead = [pose.rotate(np.array([BASE_ARROW, 0.0])) for pose in poses]
+    labels = [""] * len(poses)
+    for views in text.from_one_place(poses):
+        labels[views[0]] = text.numbered(views)
     stream.log(
         "registration/bases",
         rr.Arrows3D(
@@ -130,7 +133,7 @@ def _log_bases(stream: Stream, registration: Registration) -> None:
                 for i, used in enumerate(registration.used)
             ],
             radii=rr.Radius.ui_points(3.0 if is_few else 1.5),
-            labels=[str(i) for i in range(len(poses))],
+            labels=labels,
             show_labels=is_few,
         ),
     )

@@ -10,6 +10,7 @@ import numpy as np
 
 from tablemap.geometry import Floats, Pose2
 from tablemap.model import Figure, TableLeg, TableModel
+from tablemap.review.text import from_one_place, numbered
 
 STATUS = {
     "measured": ("#1b7a36", "none"),
@@ -66,8 +67,10 @@ def plan(model: TableModel) -> str:
             length = "" if surface.dimensions else f"{_reach(side):.3f} m"
             parts += _beside(k, side, length, STATUS[edge.status][0], pixels)
     parts += _labels(model, outline, pixels)
-    for k, stop in near.items():
-        parts.append(_stop(k, stop, pixels, used=model.snapshots[k].used))
+    for views in from_one_place(list(stops.values())):
+        if views[0] in near:
+            used = any(model.snapshots[k].used for k in views)
+            parts.append(_stop(numbered(views), near[views[0]], pixels, used=used))
     parts.append(_axes(pose, scale, height, model.frame))
     left_out = len(stops) - len(near)
     note = f" {left_out} stops farther off are not drawn." if left_out else ""
@@ -178,15 +181,16 @@ def _leg(leg: TableLeg, number: int, pose: Pose2, pixels: Pixels, scale: float) 
     return f'<polygon points="{_points(pixels(corners))}" {style}>{title}</polygon>{name}'
 
 
-def _stop(number: int, stop: Pose2, pixels: Pixels, *, used: bool) -> str:
+def _stop(label: str, stop: Pose2, pixels: Pixels, *, used: bool) -> str:
     colour = "#2f5fa8" if used else "#aaaaaa"
+    radius = max(9, 3 + 3 * len(label))
     centre, ahead = pixels(stop.apply(np.array([[0.0, 0.0], [HEADING, 0.0]])))
     return (
         f'<line x1="{centre[0]:.1f}" y1="{centre[1]:.1f}" x2="{ahead[0]:.1f}" '
         f'y2="{ahead[1]:.1f}" stroke="{colour}" stroke-width="2"/>'
-        f'<circle cx="{centre[0]:.1f}" cy="{centre[1]:.1f}" r="9" fill="{colour}"/>'
+        f'<circle cx="{centre[0]:.1f}" cy="{centre[1]:.1f}" r="{radius}" fill="{colour}"/>'
         f'<text x="{centre[0]:.1f}" y="{centre[1]:.1f}" text-anchor="middle" '
-        f'dominant-baseline="central" font-size="10" fill="white">{number}</text>'
+        f'dominant-baseline="central" font-size="10" fill="white">{label}</text>'
     )
 
 

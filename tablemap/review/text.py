@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from tablemap.calibration import Calibration
+from tablemap.geometry import Pose2
 from tablemap.legs import Legs
 from tablemap.odometry import Odometry
 from tablemap.outline import EdgeKind, Outline
@@ -20,6 +23,7 @@ LEGEND = (
     "depth was missing. Sides, numbered: green measured, amber inferred, red unseen; beside them "
     "their 95 % bands, in the middle (blue) the place's, magnified as the summary says."
 )
+SAME_PLACE_M = 0.02
 
 
 def calibration(result: Calibration) -> str:
@@ -183,6 +187,18 @@ def aligned(shown: int, pairs: int) -> str:
         "pair was dropped; beside few names the RMSE. On the timeline `iteration` the sources move "
         "from where ICP began (0) to where it ended; on the others they are as they ended."
     )
+
+
+def from_one_place(bases: Sequence[Pose2]) -> list[range]:
+    """Return runs of views whose bases lie on one another: those of a head that looked about."""
+    steps = [np.linalg.norm(b.translation - a.translation) for a, b in pairwise(bases)]
+    starts = [k for k in range(len(bases)) if k == 0 or steps[k - 1] >= SAME_PLACE_M]
+    return [range(a, b) for a, b in pairwise([*starts, len(bases)])]
+
+
+def numbered(views: range) -> str:
+    """Return the numbers of views from one place, as one label."""
+    return str(views[0]) if len(views) == 1 else f"{views[0]}-{views[-1]}"
 
 
 def outline(result: Outline) -> str:

@@ -141,6 +141,18 @@ def test_the_plan_is_to_scale(model: TableModel) -> None:
     assert first / second == pytest.approx(metres[0] / metres[1], rel=0.01)
 
 
+def test_views_from_one_place_share_a_number(model: TableModel) -> None:
+    """A stop at which the head looked three ways is drawn once, and used if one view was."""
+    first, *others = model.snapshots
+    turned = (first.model_copy(update={"used": False, "reason": "not seen"}), first, first)
+    svg = drawing(model.model_copy(update={"snapshots": (*turned, *others)}))
+    labels = [one.text for one in svg.findall("text") if one.attrib.get("fill") == "white"]
+    assert labels[:2] == ["0-2", "3"]
+    assert len(labels) == 1 + len(others)
+    (wider,) = [one for one in svg.findall("circle") if one.attrib["r"] == "12"]
+    assert wider.attrib["fill"] == "#2f5fa8"
+
+
 def test_sides_are_drawn_by_status(model: TableModel) -> None:
     """A side that was not seen is dotted and red."""
     edges = list(model.surface.edges)
