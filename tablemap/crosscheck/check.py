@@ -23,7 +23,7 @@ from tablemap.geometry import Floats
 from tablemap.legs import Leg
 from tablemap.outline import Outline
 from tablemap.registration import Registration
-from tablemap.snapshots import Snapshot
+from tablemap.snapshots import Snapshot, turned_left
 from tablemap.surface import Surface
 
 
@@ -52,9 +52,10 @@ def cross_check(
 ) -> CrossCheck:
     """Estimate the camera's offset against the laser from edges and legs in all views.
 
-    Without laser poses or enough views around the table there is no result, and no warning.
+    Without laser poses or enough views around the table there is no result, and no warning; nor
+    where the head turns, for then the offset is not one and the same in the base.
     """
-    if registration.source != "laser":
+    if registration.source != "laser" or _has_turned(snapshots):
         return _nothing(0, 0, 0)
     views = [v for v in outline.views if registration.used[v.index]]
     edges = edge_rows(views, surface, registration, config)
@@ -109,6 +110,11 @@ def cross_check(
         excess=_excess(solution, config) if found else 1.0,
         sightings=sightings,
     )
+
+
+def _has_turned(snapshots: tuple[Snapshot, ...]) -> bool:
+    mounts = [snapshot.base_from_camera for snapshot in snapshots]
+    return bool(mounts) and bool(turned_left(np.stack(mounts)).any())
 
 
 def _nothing(points: int, views: int, sightings: int) -> CrossCheck:

@@ -12,6 +12,7 @@ from tablemap.odometry import Trajectory
 _KERNEL = 0.10  # metres: a localised pose further off has jumped
 _KERNEL_YAW = np.radians(4.0)
 _ARM = _KERNEL / _KERNEL_YAW
+_SAME_PLACE, _SAME_YAW = 0.02, np.radians(1.0)
 
 
 def place_in_map(relative: Floats, localised: Floats) -> tuple[Pose2, Floats]:
@@ -20,8 +21,11 @@ def place_in_map(relative: Floats, localised: Floats) -> tuple[Pose2, Floats]:
     Returns the motion that is to be applied on the left, and the (3, 3) covariance of the whole's
     x, y (of the mean place) and yaw. It comes from the spread of the localised poses about the fit;
     as a wandering localisation errs alike at neighbouring stops, their number is reduced by the
-    spread's correlation from stop to stop. What all share (a map that is off) it cannot know.
+    spread's correlation from stop to stop, and views that a turning head took from one place count
+    once. What all share (a map that is off) it cannot know.
     """
+    places = _once_a_place(relative)
+    relative, localised = relative[places], localised[places]
     n = len(relative)
     fit = Pose2.from_array(localised[0]) @ Pose2.from_array(relative[0]).inverse()
     if n >= 2:
@@ -95,6 +99,21 @@ def bend_trajectory(
         place = (1 - share) * from_first.translation + share * from_second.translation
         bent[k] = Pose2.from_array([*place, from_first.yaw + share * turn]).as_array()
     return Trajectory(trajectory.stamps_ns, bent)
+
+
+def is_same_place(first: Pose2, second: Pose2) -> bool:
+    """Tell whether the base stood where it had: only its head can have turned."""
+    step = first.inverse() @ second
+    return bool(np.hypot(step.x, step.y) < _SAME_PLACE and abs(step.yaw) < _SAME_YAW)
+
+
+def _once_a_place(poses: Floats) -> list[int]:
+    """Return the indices of the first pose of each run of (n, 3) at one place."""
+    chosen = [0]
+    for i in range(1, len(poses)):
+        if not is_same_place(Pose2.from_array(poses[chosen[-1]]), Pose2.from_array(poses[i])):
+            chosen.append(i)
+    return chosen
 
 
 def _independent(residual: Floats, weight: Floats) -> float:
