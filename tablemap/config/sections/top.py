@@ -105,7 +105,9 @@ class SurfaceConfig(Section):
         default=0.9, gt=0, le=1, description="posterior of a wrong one from which on it is said"
     )
     laser_scale_sigma: float = Field(
-        default=0.003, ge=0, description="of the laser's ranges, and so of the stops' distances"
+        default=0.001,
+        ge=0,
+        description="of the laser's ranges, and so of the stops' distances: as for its legs",
     )
     drive_scale_sigma: float = Field(
         default=0.02, ge=0, description="likewise where wheels and depth placed the views"
