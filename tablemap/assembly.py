@@ -206,6 +206,9 @@ def _snapshot(
     view, check = segmentation.views[i], registration.checks[i] if registration.checks else None
     pose = poses[i]
     variances = np.diag(registration.covariance)[3 * i : 3 * i + 3]
+    middle = np.mean([each.translation for each in registration.map_from_base], axis=0)
+    stretch = registration.stretch_sigma * float(np.linalg.norm(pose.translation - middle))
+    systematic = cross.pose_sigma**2 + stretch**2 / 2
     reason = view.reason if not view.sees_table else None
     if reason is None and not registration.used[i]:
         reason = "; ".join(check.reasons) if check and check.reasons else "it was not registered"
@@ -213,7 +216,7 @@ def _snapshot(
         stamp_ns=snapshot.stamp_ns,
         map_from_base=m.PlanarPose(x=pose.x, y=pose.y, yaw=pose.yaw),
         sigma=m.PoseSigma(
-            xy=float(np.sqrt((variances[0] + variances[1]) / 2 + cross.pose_sigma**2)),
+            xy=float(np.sqrt((variances[0] + variances[1]) / 2 + systematic)),
             yaw=float(np.sqrt(variances[2])),
         ),
         used=reason is None,

@@ -77,6 +77,7 @@ def register(
         source=solution.source,
         systematic=solution.systematic,
         warnings=tuple(warnings),
+        stretch_sigma=config.stretch_sigma if solution.source == "laser" else 0.0,
     )
 
 

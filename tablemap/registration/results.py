@@ -98,7 +98,8 @@ class Registration:
     ``trajectory`` is the registered base in the map at the odometry's stamps. ``source`` is
     ``laser``, ``depth`` or ``localisation``. ``systematic`` (metres) is the standard deviation, per
     axis, of what residuals cannot see: it rests on what is assumed of the sensors, not on data.
-    ``used[i]`` is False where the check failed.
+    ``used[i]`` is False where the check failed. ``stretch_sigma`` is the share by which a laser's
+    ranges may stretch all distances between the poses alike; it is not in the covariance.
     """
 
     map_from_base: tuple[Pose2, ...]
@@ -113,3 +114,4 @@ class Registration:
     source: str
     systematic: float
     warnings: tuple[ProcessWarning, ...]
+    stretch_sigma: float = 0.0

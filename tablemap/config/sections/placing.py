@@ -62,6 +62,11 @@ class RegistrationConfig(Section):
     range_scale_sigma: float = Field(
         default=0.003, ge=0, description="laser range scale that residuals cannot see"
     )
+    stretch_sigma: float = Field(
+        default=0.001,
+        ge=0,
+        description="share by which the laser's ranges stretch the distances between stops",
+    )
     mounting_sigma: float = Field(
         default=0.003, ge=0, description="laser mounting that residuals cannot see, metres"
     )
