@@ -147,16 +147,28 @@ def test_the_trajectory_covers_the_drive(finished: tuple[Path, object]) -> None:
     assert all(math.hypot(row[1] - pose.x, row[2] - pose.y) < 4.0 for row in rows)
 
 
+@pytest.fixture(scope="module")
+def repeated(
+    finished: tuple[Path, object], demo_recording: Path, tmp_path_factory: pytest.TempPathFactory
+) -> subprocess.CompletedProcess[str]:
+    """The demo once more by the config that its run wrote, after a file that is no recording."""
+    folder = tmp_path_factory.mktemp("repeated")
+    text = folder / "notes.mcap"
+    text.write_text("this is no recording\n")
+    config = finished[0] / "config.toml"
+    output = folder / "runs"
+    return tablemap(
+        "process", text, demo_recording, "-o", output, "--config", config, "--json", "--quiet"
+    )
+
+
 def test_the_written_config_repeats_the_run_byte_for_byte(
-    finished: tuple[Path, object], demo_recording: Path, tmp_path: Path
+    finished: tuple[Path, object], repeated: subprocess.CompletedProcess[str]
 ) -> None:
     """config.toml holds every setting, and the same input gives the same bytes."""
     run = finished[0]
     assert tomllib.loads((run / "config.toml").read_text())["seed"] == 0
-    again = tablemap(
-        "process", demo_recording, "-o", tmp_path, "--config", run / "config.toml", "--json"
-    )
-    model = Path(json.loads(again.stdout)["model"])
+    model = Path(json.loads(repeated.stdout.splitlines()[-1])["model"])
     assert model.read_bytes() == (run / "table.json").read_bytes()
 
 
@@ -183,7 +195,7 @@ def test_a_recording_that_was_cut_short_is_used_and_said_to_be(
     cut = tmp_path / "cut.mcap"
     data = demo_recording.read_bytes()
     cut.write_bytes(data[: int(0.8 * len(data))])
-    done = tablemap("process", cut, "-o", tmp_path / "runs", "--json")
+    done = tablemap("process", cut, "-o", tmp_path / "runs", "--json", "--review", "off")
     line = json.loads(done.stdout)
     assert (done.returncode, line["status"]) == (3, "partial"), done.stderr
     model = TableModel.load(Path(line["model"]))
@@ -191,14 +203,13 @@ def test_a_recording_that_was_cut_short_is_used_and_said_to_be(
     assert model.surface.shape == "rectangle"
 
 
-def test_one_bad_recording_does_not_stop_the_next(demo_recording: Path, tmp_path: Path) -> None:
+def test_one_bad_recording_does_not_stop_the_next(
+    repeated: subprocess.CompletedProcess[str],
+) -> None:
     """One line each, and the exit code of the worst."""
-    text = tmp_path / "notes.mcap"
-    text.write_text("this is no recording\n")
-    done = tablemap("process", text, demo_recording, "-o", tmp_path / "runs", "--json", "--quiet")
-    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    lines = [json.loads(line) for line in repeated.stdout.splitlines()]
     assert [line["status"] for line in lines] == ["failed", "ok"]
-    assert done.returncode == 1
+    assert repeated.returncode == 1
     failed = Path(lines[0]["run"])
     assert {"manifest.json", "report.html", "run.rrd"} <= {path.name for path in failed.iterdir()}
     assert not (failed / "table.json").exists()

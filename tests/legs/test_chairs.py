@@ -64,7 +64,11 @@ def errors(legs: Legs, truth: Floats) -> Floats:
     return np.asarray(np.linalg.norm(truth[:, None] - places[None], axis=2).min(axis=1))
 
 
-@pytest.mark.parametrize("with_depth", [False, True], ids=["laser alone", "with depth"])
+@pytest.mark.parametrize(
+    "with_depth",
+    [pytest.param(False, marks=pytest.mark.slow), True],
+    ids=["laser alone", "with depth"],
+)
 def test_chairs_beside_a_low_table_cost_none_of_its_legs(with_depth: bool) -> None:
     """Legs 50 cm apart and a chair's foot beyond the top make a square of a chair's size."""
     truth = four(LOW, inset=0.025)

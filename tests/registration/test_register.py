@@ -172,7 +172,7 @@ def test_a_stop_in_another_room_is_not_used() -> None:
     assert place.max() < 0.004
 
 
-@pytest.mark.parametrize("leg", [0.06, 0.015])
+@pytest.mark.parametrize("leg", [pytest.param(0.06, marks=pytest.mark.slow), 0.015])
 def test_along_a_corridor_the_sigma_says_what_is_not_known(leg: float) -> None:
     """Stops are placed along bare walls by table legs and wheels, and are believed so far only."""
     yaw = 0.4

@@ -64,7 +64,7 @@ def entities(file: Path) -> set[str]:
     return {chunk.entity_path for chunk in RrdReader(file).stream()}
 
 
-@pytest.mark.parametrize("stage", STAGES)
+@pytest.mark.parametrize("stage", [pytest.param(STAGES[0], marks=pytest.mark.slow), *STAGES[1:]])
 def test_a_killed_run_opens_mended(stage: str, tmp_path: Path) -> None:
     """After a real kill all finished stages are in a whole copy; the folder says ``running``."""
     process = multiprocessing.get_context("spawn").Process(
