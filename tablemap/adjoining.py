@@ -20,6 +20,7 @@ from tablemap.geometry import Floats, Pose2
 from tablemap.legs import Legs, is_standing
 from tablemap.outline import Outline, ViewEdges
 from tablemap.surface import Surface
+from tablemap.surface.shapes import extents
 
 _STRAIGHT = 0.01  # metres: what bends the outline by less makes no corner
 _SLIVER = 0.03  # metres: a piece that is nowhere wider is none
@@ -44,13 +45,13 @@ class Adjoining:
     @property
     def is_seat(self) -> bool:
         """Whether what stands beside is as small as a seat."""
-        return bool(np.max(_extents(self.beside)) <= _SEAT)
+        return extents(self.beside)[0] <= _SEAT
 
     @property
     def warning(self) -> ProcessWarning:
         """What was taken off, where, and why."""
         x, y = np.asarray(Polygon(self.beside).centroid.coords[0])
-        length, width = _extents(self.beside)
+        length, width = extents(self.beside)
         on = "a leg in its middle" if self.legs == 1 else f"{self.legs} legs of its own"
         message = (
             f"A surface of {length:.2f} by {width:.2f} m at ({x:.2f}, {y:.2f}) touches the table "
@@ -133,21 +134,10 @@ def without(outline: Outline, adjoining: Adjoining, poses: Sequence[Pose2]) -> O
         kept: np.ndarray = (shapely.distance(places, own) <= other) | (other > _CLOSE)
         return kept
 
-    views = []
-    for view in outline.views:
-        edge, top = is_own(view.points, view), is_own(view.top, view)
-        views.append(
-            replace(
-                view,
-                points=view.points[edge],
-                normals=view.normals[edge],
-                sigma=view.sigma[edge],
-                kind=view.kind[edge],
-                is_near=view.is_near[edge],
-                pixels=view.pixels[edge],
-                top=view.top[top],
-            )
-        )
+    views = [
+        replace(view.only(is_own(view.points, view)), top=view.top[is_own(view.top, view)])
+        for view in outline.views
+    ]
     warnings = (*outline.warnings, adjoining.warning)
     return replace(outline, views=tuple(views), warnings=warnings, beside=adjoining.beside)
 
@@ -155,9 +145,3 @@ def without(outline: Outline, adjoining: Adjoining, poses: Sequence[Pose2]) -> O
 def _ring(polygon: Polygon) -> Floats:
     ring: Floats = np.asarray(shapely.geometry.polygon.orient(polygon).exterior.coords)[:-1]
     return ring
-
-
-def _extents(outline: Floats) -> Floats:
-    corners = np.asarray(Polygon(outline).minimum_rotated_rectangle.exterior.coords)
-    sides: Floats = np.sort(np.linalg.norm(np.diff(corners[:3], axis=0), axis=1))[::-1]
-    return sides

@@ -43,6 +43,11 @@ class Pose2:
             float(-c * self.x - s * self.y), float(s * self.x - c * self.y), wrap_angle(-self.yaw)
         )
 
+    def is_near(self, other: Pose2, *, metres: float, radians: float) -> bool:
+        """Tell whether another pose is less than so far from this one, and turned by less."""
+        step = self.inverse() @ other
+        return bool(np.hypot(step.x, step.y) < metres and abs(step.yaw) < radians)
+
     @property
     def rotation(self) -> Floats:
         """The (2, 2) rotation matrix."""

@@ -7,7 +7,6 @@ angles in radians.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +15,8 @@ from scipy.optimize import linear_sum_assignment
 
 from tablemap.evaluation.truth import TrueSurface, Truth
 from tablemap.geometry import Floats, Pose2, wrap_angle
-from tablemap.model import Dimension, Point, TableModel, TableSurface
+from tablemap.model import Dimension, TableModel, TableSurface
+from tablemap.surface.shapes import extents
 
 MEASURED = "measured"
 LEG_REACH = 0.10
@@ -219,11 +219,13 @@ def _dimension_errors(surface: TableSurface, truth: Truth) -> tuple[Error, ...]:
                 for (name, figure), value in zip(lengths, long_short, strict=False)
             ]
     elif true.outline or true.dimensions:
-        expected = _extents(true.outline) if true.outline else _long_short(true.dimensions or {})
+        expected = (
+            extents(np.array(true.outline)) if true.outline else _long_short(true.dimensions or {})
+        )
         statuses = {edge.status for edge in surface.edges}
         status = MEASURED if statuses <= {MEASURED} else "inferred"
         for name, value, size in zip(
-            ("length", "width"), _extents(surface.outline), expected, strict=True
+            ("length", "width"), extents(np.array(surface.outline)), expected, strict=True
         ):
             pairs.append((name, value, None, status, size))
     scale = _scale_error(truth)
@@ -247,14 +249,6 @@ def _long_short(dimensions: dict[str, float]) -> tuple[float, float]:
         reverse=True,
     )
     return values[0], values[-1]
-
-
-def _extents(outline: Sequence[Point]) -> tuple[float, float]:
-    """Return length and width of the smallest rectangle round an outline."""
-    box = shapely.Polygon(outline).minimum_rotated_rectangle
-    corners = np.asarray(box.exterior.coords)
-    sides = np.hypot(*np.diff(corners[:3], axis=0).T)
-    return float(sides.max()), float(sides.min())
 
 
 def _angle_error(surface: TableSurface, true: TrueSurface) -> Error | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -49,6 +49,18 @@ class ViewEdges:
     top: Floats
     free: Floats
     scale_sigma: float = 0.0
+
+    def only(self, kept: NDArray[np.bool_]) -> ViewEdges:
+        """Return this view with those of its edge points (n,) alone."""
+        return replace(
+            self,
+            points=self.points[kept],
+            normals=self.normals[kept],
+            sigma=self.sigma[kept],
+            kind=self.kind[kept],
+            is_near=self.is_near[kept],
+            pixels=self.pixels[kept],
+        )
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from scipy.spatial import cKDTree
 
 from tablemap.geometry import Floats, Pose2
 from tablemap.registration.correlative import likelihood
-from tablemap.registration.placement import is_same_place
 from tablemap.registration.results import StopCheck, StopScan
+from tablemap.snapshots import is_same_place
 
 # What the limits lie between: right registrations of simulated rooms, people and moved furniture
 # included, and ones that were made wrong on purpose.

@@ -144,8 +144,7 @@ def register_depth(
 
 def _settled(found: Pose2, start: Pose2) -> bool:
     """Tell whether aligning again from ``start`` would find what was found."""
-    step = found.inverse() @ start
-    return bool(np.hypot(step.x, step.y) < _SAME_PLACE and abs(step.yaw) < _SAME_TURN)
+    return found.is_near(start, metres=_SAME_PLACE, radians=_SAME_TURN)
 
 
 def _with_context(

@@ -8,11 +8,11 @@ import numpy as np
 
 from tablemap.geometry import Floats, Pose2
 from tablemap.odometry import Trajectory
+from tablemap.snapshots import is_same_place
 
 _KERNEL = 0.10  # metres: a localised pose further off has jumped
 _KERNEL_YAW = np.radians(4.0)
 _ARM = _KERNEL / _KERNEL_YAW
-_SAME_PLACE, _SAME_YAW = 0.02, np.radians(1.0)
 
 
 def place_in_map(relative: Floats, localised: Floats) -> tuple[Pose2, Floats]:
@@ -99,12 +99,6 @@ def bend_trajectory(
         place = (1 - share) * from_first.translation + share * from_second.translation
         bent[k] = Pose2.from_array([*place, from_first.yaw + share * turn]).as_array()
     return Trajectory(trajectory.stamps_ns, bent)
-
-
-def is_same_place(first: Pose2, second: Pose2) -> bool:
-    """Tell whether the base stood where it had: only its head can have turned."""
-    step = first.inverse() @ second
-    return bool(np.hypot(step.x, step.y) < _SAME_PLACE and abs(step.yaw) < _SAME_YAW)
 
 
 def _once_a_place(poses: Floats) -> list[int]:

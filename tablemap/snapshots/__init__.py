@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from tablemap.snapshots.directions import turned_left
 from tablemap.snapshots.noise import axial_noise, depth_sigma
+from tablemap.snapshots.stops import is_same_place
 from tablemap.snapshots.taking import take_snapshots
 from tablemap.snapshots.types import Camera, SetAside, Snapshot, Snapshots
 
@@ -14,6 +15,7 @@ __all__ = [
     "Snapshots",
     "axial_noise",
     "depth_sigma",
+    "is_same_place",
     "take_snapshots",
     "turned_left",
 ]

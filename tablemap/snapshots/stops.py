@@ -12,6 +12,7 @@ from tablemap.geometry import Floats, Pose2
 from tablemap.recording import Recording
 
 SECOND_NS = 1_000_000_000
+SAME_PLACE_M, SAME_HEADING = 0.02, np.deg2rad(1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +86,11 @@ def _merge_creeping(intervals: list[tuple[int, int]], motion: Motion) -> list[tu
                 continue
         merged.append((start, end))
     return merged
+
+
+def is_same_place(first: Pose2, second: Pose2) -> bool:
+    """Tell whether the base stood where it had: only its head can have turned."""
+    return first.is_near(second, metres=SAME_PLACE_M, radians=SAME_HEADING)
 
 
 def far_apart(stamps: NDArray[np.int64]) -> bool:

@@ -14,12 +14,11 @@ from tablemap.snapshots.directions import by_direction, planar_pose, same_mount,
 from tablemap.snapshots.stops import (
     choose_by_new_view,
     far_apart,
+    is_same_place,
     sample_motion,
     standing_intervals,
 )
 from tablemap.snapshots.types import Camera, SetAside, Snapshot, Snapshots, Viewpoint
-
-SAME_PLACE_M, SAME_HEADING = 0.02, np.deg2rad(1.0)
 
 
 def take_snapshots(recording: Recording, *, config: SnapshotsConfig) -> Snapshots:
@@ -115,11 +114,9 @@ def _by_place(recording: Recording, stamps: NDArray[np.int64]) -> list[Viewpoint
     place: Pose2 | None = None
     for stamp in stamps:
         pose = planar_pose(recording, int(stamp))
-        if place is not None:
-            step = place.inverse() @ pose
-            if np.hypot(step.x, step.y) < SAME_PLACE_M and abs(step.yaw) < SAME_HEADING:
-                groups[-1].append(int(stamp))
-                continue
+        if place is not None and is_same_place(place, pose):
+            groups[-1].append(int(stamp))
+            continue
         groups.append([int(stamp)])
         place = pose
     return [Viewpoint(g[0], g[-1], np.array(g, dtype=np.int64)) for g in groups]

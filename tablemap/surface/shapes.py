@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from tablemap.geometry import Floats
@@ -106,6 +107,13 @@ def centroid(corners: Floats) -> Floats:
         return middle
     result: Floats = ((corners + following) * cross[:, None]).sum(axis=0) / (3 * total)
     return result
+
+
+def extents(corners: Floats) -> tuple[float, float]:
+    """Return length and width, metres, of the smallest rectangle round an outline (n, 2)."""
+    box = np.asarray(shapely.Polygon(corners).minimum_rotated_rectangle.exterior.coords)
+    sides = np.hypot(*np.diff(box[:3], axis=0).T)
+    return float(sides.max()), float(sides.min())
 
 
 def signed_distance(points: Floats, corners: Floats) -> Floats:

@@ -152,17 +152,7 @@ def test_points_on_one_line_end_in_a_clear_error_or_doubts() -> None:
     )
     first = outline.views[0]
     kept = np.abs(first.normals[:, 0] + 1) < 0.2
-    line = replace(
-        first,
-        points=first.points[kept],
-        normals=first.normals[kept],
-        sigma=first.sigma[kept],
-        kind=first.kind[kept],
-        is_near=first.is_near[kept],
-        pixels=first.pixels[kept],
-        top=first.top[:0],
-        free=first.free[:0],
-    )
+    line = replace(first.only(kept), top=first.top[:0], free=first.free[:0])
     alone = replace(outline, views=(line,))
     try:
         surface = fit_surface(alone, registration, config=SurfaceConfig(), seed=0)
