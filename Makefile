@@ -32,6 +32,7 @@ lint: setup
 	@$(BIN)/ruff format --check .
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
+	@$(BIN)/lint-imports --no-logo
 
 bench: setup
 	@$(BIN)/python -m pytest -q tests/benchmarks --benchmark-only

@@ -8,20 +8,20 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from tablemap.version import __version__
+
 if TYPE_CHECKING:
     from tablemap.archive import load_run
     from tablemap.archive.comparison import compare
     from tablemap.archive.index import list_runs
-    from tablemap.archive.verification import verify
     from tablemap.config import Config, load_config
     from tablemap.errors import TablemapError
     from tablemap.export import export_model, export_run
     from tablemap.model import TableModel
     from tablemap.pipeline import process
     from tablemap.recording import inspect, open_recording
-    from tablemap.running import reprocess, run
-
-__version__ = "0.1.0"
+    from tablemap.runs.running import reprocess, run
+    from tablemap.runs.verification import verify
 
 _HOMES = {
     "Config": "tablemap.config",
@@ -36,15 +36,16 @@ _HOMES = {
     "load_run": "tablemap.archive",
     "open_recording": "tablemap.recording",
     "process": "tablemap.pipeline",
-    "reprocess": "tablemap.running",
-    "run": "tablemap.running",
-    "verify": "tablemap.archive.verification",
+    "reprocess": "tablemap.runs.running",
+    "run": "tablemap.runs.running",
+    "verify": "tablemap.runs.verification",
 }
 
 __all__ = [
     "Config",
     "TableModel",
     "TablemapError",
+    "__version__",
     "compare",
     "export_model",
     "export_run",

@@ -11,22 +11,22 @@ from typing import Literal
 
 from threadpoolctl import threadpool_limits
 
-from tablemap.adjoining import find_adjoining, without
-from tablemap.assembly import assemble
-from tablemap.calibration import calibrate
 from tablemap.config import Config
-from tablemap.crosscheck import admitted_legs, corrected, cross_check
 from tablemap.errors import EstimationError
-from tablemap.legs import Legs, find_legs
+from tablemap.events import OtherTable, Record, StageFinished, StageStarted, ignore, of_table
 from tablemap.model import TableModel
-from tablemap.odometry import Trajectory, estimate_odometry
-from tablemap.outline import Outline, find_edges
-from tablemap.record import OtherTable, Record, StageFinished, StageStarted, ignore, of_table
 from tablemap.recording import Recording
-from tablemap.registration import register
-from tablemap.segmentation import Segmentation, segment
-from tablemap.snapshots import take_snapshots
-from tablemap.surface import Surface, fit_surface
+from tablemap.stages.assembly import assemble
+from tablemap.stages.calibration import calibrate
+from tablemap.stages.crosscheck import admitted_legs, corrected, cross_check
+from tablemap.stages.legs import Legs, find_legs
+from tablemap.stages.legs.adjoining import find_adjoining, without
+from tablemap.stages.odometry import Trajectory, estimate_odometry
+from tablemap.stages.outline import Outline, find_edges
+from tablemap.stages.registration import register
+from tablemap.stages.segmentation import Segmentation, segment
+from tablemap.stages.snapshots import take_snapshots
+from tablemap.stages.surface import Surface, fit_surface
 
 STAGES = (
     "snapshots",

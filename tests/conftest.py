@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.command import tablemap
+from tests.making.command import tablemap
 
 # What a shell starts in the background ignores SIGINT, and so would the runs that tests interrupt.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

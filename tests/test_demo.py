@@ -17,7 +17,7 @@ from tablemap.archive import load_run
 from tablemap.evaluation.metrics import Score, score
 from tablemap.evaluation.truth import Truth
 from tablemap.model import TableModel
-from tests.command import tablemap
+from tests.making.command import tablemap
 
 
 @pytest.fixture(scope="module")

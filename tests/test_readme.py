@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from tablemap.model import TableModel
-from tablemap.review.catalog import served_catalog
+from tablemap.review.viewer.catalog import served_catalog
 
 README = Path(__file__).resolve().parent.parent / "README.md"
 URL = "rerun+http://127.0.0.1:51234"

@@ -22,7 +22,7 @@ from tablemap.errors import TablemapError
 from tablemap.model import TableModel
 
 if TYPE_CHECKING:
-    from tablemap.odometry import Trajectory
+    from tablemap.stages.odometry import Trajectory
 
 SCHEMA = "tablemap/manifest/1"
 PACKAGES = (

@@ -9,8 +9,8 @@ from typing import Annotated
 
 import typer
 
-from tablemap import __version__
 from tablemap.errors import ConfigError, TablemapError
+from tablemap.version import __version__
 
 app = typer.Typer(
     name="tablemap",

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from tablemap.model import TableModel
-    from tablemap.running import Outcome
+    from tablemap.runs.running import Outcome
 
 
 def stderr_console() -> Console:
@@ -78,7 +78,7 @@ def print_model(model: TableModel, run: Path, *, console: Console) -> None:
     """Print a model's summary and how to open its run."""
     from rich.table import Table
 
-    from tablemap.summary import summary_rows
+    from tablemap.model.summary import summary_rows
 
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     for name, text in summary_rows(model):

@@ -16,11 +16,11 @@ from tablemap.cli.printing import aligned, outcome_line, outcome_rows, print_mod
 from tablemap.errors import TablemapError
 
 if TYPE_CHECKING:
-    from tablemap.batch.jobs import Job, Progress
     from tablemap.config import Config
+    from tablemap.events import StageStarted
     from tablemap.pipeline import Tables
-    from tablemap.record import StageStarted
-    from tablemap.running import Follow, Outcome
+    from tablemap.runs.jobs import Job, Progress
+    from tablemap.runs.running import Follow, Outcome
 
 
 def process(
@@ -74,8 +74,8 @@ def process(
     """Model the table in each RECORDING; every step goes into DIR/<recording>/<run>/run.rrd."""
     from rich.console import Console
 
-    from tablemap.batch import Job, expand
     from tablemap.config import load_config
+    from tablemap.runs import Job, expand
 
     if every_table and near is not None:
         raise typer.BadParameter("--near and --all exclude each other.")
@@ -114,7 +114,7 @@ def process(
 def _follow(*, live: bool) -> Follow:
     """Return what passes a run on to the viewer; a missing viewer is a warning on stderr."""
     if live:
-        from tablemap.review.live import followed, start_viewer
+        from tablemap.review.viewer.live import followed, start_viewer
 
         try:
             start_viewer()
@@ -146,7 +146,7 @@ Many = Callable[[list[Path], "Job", "Progress"], Iterator["Outcome"]]
 def _many(scheduler: str | None, jobs: int) -> Many | None:
     """Return what processes many recordings at once; None where they are to go one by one."""
     if scheduler:
-        from tablemap.batch.cluster import process_on_cluster
+        from tablemap.runs.cluster import process_on_cluster
 
         return partial(
             process_on_cluster,
@@ -154,7 +154,7 @@ def _many(scheduler: str | None, jobs: int) -> Many | None:
             warn=lambda words: typer.echo(f"warning: {words}", err=True),
         )
     if jobs > 1:
-        from tablemap.batch import process_many
+        from tablemap.runs import process_many
 
         return partial(process_many, jobs=jobs)
     return None
@@ -164,8 +164,8 @@ def _outcomes(
     recordings: list[Path], job: Job, many: Many | None, *, again: bool, quiet: bool
 ) -> Iterator[Outcome]:
     """Take what is done already from its run; process the rest."""
-    from tablemap.batch import done_already
-    from tablemap.running import Outcome
+    from tablemap.runs import done_already
+    from tablemap.runs.running import Outcome
 
     waiting = []
     for recording in recordings:
@@ -209,7 +209,7 @@ def process_one(
     path: Path, process_to: Callable[[Callable[[object], None]], Outcome], *, quiet: bool
 ) -> Outcome:
     """Run what is given with a progress bar that names the stage."""
-    from tablemap.record import StageStarted, ignore
+    from tablemap.events import StageStarted, ignore
 
     if quiet:
         return process_to(ignore)

@@ -36,7 +36,7 @@ def view(
     debug: Debug = False,
 ) -> None:
     """Open a RUN in the Rerun Viewer."""
-    from tablemap.review import viewer
+    from tablemap.review.viewer import viewer
 
     if web and picture:
         raise typer.BadParameter("--web and --still exclude each other.")
@@ -45,7 +45,7 @@ def view(
     if not viewer.is_whole(viewer.review_file(run)):
         typer.echo("The run was killed or goes on: this shows what it has written.", err=True)
     if picture:
-        from tablemap.review.still import still
+        from tablemap.review.viewer.still import still
 
         for problem in still(run, picture, tab=tab or "Overview"):
             typer.echo(f"warning: {problem}", err=True)

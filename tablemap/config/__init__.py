@@ -1,21 +1,19 @@
 """One typed, frozen tree of settings, and how it is read and written."""
 
+from tablemap.config.calibration import CalibrationConfig
+from tablemap.config.crosscheck import CrossCheckConfig
+from tablemap.config.export import ExportConfig
+from tablemap.config.legs import LegsConfig
 from tablemap.config.loading import dump_config, load_config
-from tablemap.config.sections import (
-    CalibrationConfig,
-    CrossCheckConfig,
-    ExportConfig,
-    LegsConfig,
-    OdometryConfig,
-    OutlineConfig,
-    RegistrationConfig,
-    ReportConfig,
-    ReviewConfig,
-    SegmentationConfig,
-    SnapshotsConfig,
-    SurfaceConfig,
-    TopicsConfig,
-)
+from tablemap.config.odometry import OdometryConfig
+from tablemap.config.outline import OutlineConfig
+from tablemap.config.registration import RegistrationConfig
+from tablemap.config.report import ReportConfig
+from tablemap.config.review import ReviewConfig
+from tablemap.config.segmentation import SegmentationConfig
+from tablemap.config.snapshots import SnapshotsConfig
+from tablemap.config.surface import SurfaceConfig
+from tablemap.config.topics import TopicsConfig
 from tablemap.config.tree import Config
 
 __all__ = [

@@ -4,22 +4,20 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from tablemap.config.sections import (
-    CalibrationConfig,
-    CrossCheckConfig,
-    ExportConfig,
-    LegsConfig,
-    OdometryConfig,
-    OutlineConfig,
-    RegistrationConfig,
-    ReportConfig,
-    ReviewConfig,
-    Section,
-    SegmentationConfig,
-    SnapshotsConfig,
-    SurfaceConfig,
-    TopicsConfig,
-)
+from tablemap.config.calibration import CalibrationConfig
+from tablemap.config.crosscheck import CrossCheckConfig
+from tablemap.config.export import ExportConfig
+from tablemap.config.legs import LegsConfig
+from tablemap.config.odometry import OdometryConfig
+from tablemap.config.outline import OutlineConfig
+from tablemap.config.registration import RegistrationConfig
+from tablemap.config.report import ReportConfig
+from tablemap.config.review import ReviewConfig
+from tablemap.config.section import Section
+from tablemap.config.segmentation import SegmentationConfig
+from tablemap.config.snapshots import SnapshotsConfig
+from tablemap.config.surface import SurfaceConfig
+from tablemap.config.topics import TopicsConfig
 
 
 class Config(Section):

@@ -16,7 +16,7 @@ from scipy.optimize import linear_sum_assignment
 from tablemap.evaluation.truth import TrueSurface, Truth
 from tablemap.geometry import Floats, Pose2, wrap_angle
 from tablemap.model import Dimension, TableModel, TableSurface
-from tablemap.surface.shapes import extents
+from tablemap.stages.surface.shapes.shape import extents
 
 MEASURED = "measured"
 LEG_REACH = 0.10

@@ -15,13 +15,13 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
-from tablemap import __version__
 from tablemap.config import Config, dump_config
 from tablemap.errors import TablemapError
 from tablemap.evaluation.aggregate import RunScore, summarise
 from tablemap.evaluation.metrics import score
 from tablemap.evaluation.truth import Truth
-from tablemap.record import StageFinished
+from tablemap.events import StageFinished
+from tablemap.version import __version__
 
 METHODS = ("tablemap", "report")
 _RUN_SCORE = TypeAdapter(RunScore)
@@ -174,7 +174,7 @@ def _run(case: Case, method: str, recording: Path, truth: Truth, config: Config)
     from tablemap.recording import open_recording
 
     if method == "report":
-        from tablemap.evaluation.report_method import process
+        from tablemap.baseline.method import process
     else:
         from tablemap.pipeline import process
     seconds: dict[str, float] = {}

@@ -7,8 +7,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from tablemap.documents import read_document
 from tablemap.model import PlanarPose, Point, Shape
+from tablemap.model.documents import read_document
 
 SCHEMA = "tablemap/truth/1"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from tablemap.recording.frame_roles import FrameNames
 from tablemap.recording.info import RecordingInfo, inspect
 from tablemap.recording.messages import (
     CameraInfo,
@@ -13,6 +12,7 @@ from tablemap.recording.messages import (
 )
 from tablemap.recording.reader import DepthFrame, Recording, open_recording
 from tablemap.recording.sources import sha256
+from tablemap.recording.tf.frame_roles import FrameNames
 
 __all__ = [
     "CameraInfo",

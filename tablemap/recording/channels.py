@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tablemap.recording.container import Container
 from tablemap.recording.decoding import Decoder, DecodingError
-from tablemap.recording.frames import TransformCollector, TransformTree
+from tablemap.recording.mcap.container import Container
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
+from tablemap.recording.tf.frames import TransformCollector, TransformTree
 from tablemap.recording.topics import Roles, Topic
 
 Stamps = NDArray[np.int64]

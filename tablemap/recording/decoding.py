@@ -21,8 +21,8 @@ from mcap.records import Schema
 from mcap_protobuf.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-from tablemap.recording.chunks import RawMessage
-from tablemap.recording.container import Channel
+from tablemap.recording.mcap.chunks import RawMessage
+from tablemap.recording.mcap.container import Channel
 from tablemap.recording.messages import (
     CameraInfo,
     CompressedImage,
@@ -30,8 +30,8 @@ from tablemap.recording.messages import (
     LaserScan,
     TransformStamped,
 )
-from tablemap.recording.transforms import Reader as DirectReader
-from tablemap.recording.transforms import direct_reader
+from tablemap.recording.tf.messages import Reader as DirectReader
+from tablemap.recording.tf.messages import direct_reader
 
 Message = Image | CompressedImage | CameraInfo | LaserScan | tuple[TransformStamped, ...]
 

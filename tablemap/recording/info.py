@@ -11,14 +11,14 @@ import numpy as np
 
 from tablemap.config import TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
-from tablemap.recording.container import Container
 from tablemap.recording.decoding import Decoder, DecodingError, Message
 from tablemap.recording.depth import decode_depth, depth_encoding
-from tablemap.recording.frame_roles import FrameNames, find_frames
-from tablemap.recording.frames import TransformCollector, TransformTree
+from tablemap.recording.mcap.container import Container
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
 from tablemap.recording.rectification import rectification
 from tablemap.recording.sources import open_source
+from tablemap.recording.tf.frame_roles import FrameNames, find_frames
+from tablemap.recording.tf.frames import TransformCollector, TransformTree
 from tablemap.recording.topics import (
     Roles,
     Topic,

@@ -15,13 +15,13 @@ from tablemap.config import TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.geometry import Floats, invert
 from tablemap.recording.channels import Channels, Stamped, Stamps, only
-from tablemap.recording.container import Container
 from tablemap.recording.decoding import DecodingError
 from tablemap.recording.depth import decode_depth
-from tablemap.recording.frame_roles import FrameNames, find_frames, ground_pose, pose_stamps
+from tablemap.recording.mcap.container import Container
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
 from tablemap.recording.rectification import Rectification, rectification
 from tablemap.recording.sources import open_source
+from tablemap.recording.tf.frame_roles import FrameNames, find_frames, ground_pose, pose_stamps
 from tablemap.recording.topics import (
     Roles,
     camera_frame,

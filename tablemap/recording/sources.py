@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from tablemap.errors import RecordingError
-from tablemap.recording.index import MAGIC
+from tablemap.recording.mcap.index import MAGIC
 
 _OTHER_FORMATS = {
     b"#ROSBAG V": "a ROS 1 bag; convert it with `mcap convert IN.bag OUT.mcap`",

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 
 from tablemap.config import TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
-from tablemap.recording.container import Channel, Container
 from tablemap.recording.decoding import (
     TRANSFORMS,
     Decoder,
@@ -25,6 +24,7 @@ from tablemap.recording.decoding import (
     kind_of,
 )
 from tablemap.recording.depth import depth_encoding, is_lossless
+from tablemap.recording.mcap.container import Channel, Container
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
 
 _NO_DEPTH = {

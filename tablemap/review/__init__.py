@@ -1,6 +1,6 @@
 """Results to .rrd, its blueprint, and the viewer."""
 
 from tablemap.review.reviewer import Reviewer
-from tablemap.review.viewer import open_viewer
+from tablemap.review.viewer.viewer import open_viewer
 
 __all__ = ["Reviewer", "open_viewer"]

@@ -9,12 +9,12 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from tablemap.geometry import Pose2, transform
-from tablemap.registration import Pair, Registration, StopScan
 from tablemap.review import colours, text
 from tablemap.review.clouds import raised
 from tablemap.review.motion import log_trajectory
 from tablemap.review.pairs import Pairs
 from tablemap.review.stream import FEW_STOPS, Stream
+from tablemap.stages.registration import Pair, Registration, StopScan
 
 GRAPH_PIXELS_PER_METRE = 160.0
 RESIDUAL_LIMIT = 0.02

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tablemap.geometry import Floats
-from tablemap.outline import EdgeKind
-from tablemap.segmentation import Label
+from tablemap.stages.outline import EdgeKind
+from tablemap.stages.segmentation import Label
 
 Colour = tuple[int, int, int]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tablemap.crosscheck import CrossCheck
 from tablemap.review.stream import Stream
+from tablemap.stages.crosscheck import CrossCheck
 
 
 def log_cross_check(stream: Stream, result: CrossCheck) -> None:

@@ -6,10 +6,10 @@ import numpy as np
 import rerun as rr
 
 from tablemap.geometry import Floats, Pose2
-from tablemap.odometry import Odometry, OdometryMap, OdometryScan, Trajectory
 from tablemap.review import colours, text
 from tablemap.review.clouds import raised, thinned
 from tablemap.review.stream import Stream, sensor_times
+from tablemap.stages.odometry import Odometry, OdometryMap, OdometryScan, Trajectory
 
 TRAJECTORY_HEIGHT = 0.02
 MAP_CELLS = 2

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from tablemap.config import ReviewConfig
+from tablemap.events import OtherTable
 from tablemap.model import TableModel
-from tablemap.record import OtherTable
 from tablemap.review.blueprint import blueprint
 from tablemap.review.solid import log_model
 from tablemap.review.stream import Stream

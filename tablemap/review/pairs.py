@@ -9,9 +9,9 @@ import numpy as np
 import rerun as rr
 
 from tablemap.geometry import Floats, Pose2
-from tablemap.registration import Pair, PairIteration, PairStarted
 from tablemap.review import colours, text
 from tablemap.review.stream import Stream
+from tablemap.stages.registration import Pair, PairIteration, PairStarted
 
 FRAME = "pairs"
 """The frame in which the pairs lie side by side; it is no place in the map."""

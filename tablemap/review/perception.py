@@ -6,19 +6,19 @@ import numpy as np
 import rerun as rr
 from scipy import ndimage
 
-from tablemap.calibration import Calibration
 from tablemap.geometry import Floats, transform
 from tablemap.review import colours, text
 from tablemap.review.clouds import closed, thinned
 from tablemap.review.stream import Stream
-from tablemap.segmentation import (
+from tablemap.stages.calibration import Calibration
+from tablemap.stages.segmentation import (
     Label,
     Segmentation,
     TableCandidate,
     TablesFound,
     ViewSegmentation,
 )
-from tablemap.snapshots import Snapshot
+from tablemap.stages.snapshots import Snapshot
 
 SHOWN_WIDTH = 640
 CLOUD_WIDTH = 110

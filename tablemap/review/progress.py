@@ -5,7 +5,7 @@ from __future__ import annotations
 import rerun as rr
 
 from tablemap.errors import ProcessWarning
-from tablemap.record import RunFailed, StageFinished, StageStarted
+from tablemap.events import RunFailed, StageFinished, StageStarted
 from tablemap.review import colours, story, text
 from tablemap.review.stream import Stream
 

@@ -7,17 +7,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from tablemap.calibration import Calibration
 from tablemap.config import ReviewConfig
-from tablemap.crosscheck import CrossCheck
 from tablemap.errors import ProcessWarning, TablemapError
-from tablemap.legs import Legs
+from tablemap.events import OfTable, OtherTable, RunFailed, StageFinished, StageStarted
 from tablemap.model import TableModel
-from tablemap.odometry import Odometry, OdometryMap, OdometryScan
-from tablemap.outline import Outline
-from tablemap.record import OfTable, OtherTable, RunFailed, StageFinished, StageStarted
 from tablemap.recording import Recording
-from tablemap.registration import PairIteration, PairStarted, Registration, StopScan
 from tablemap.review import progress, sensors, story, supports
 from tablemap.review.alignment import Alignment
 from tablemap.review.blueprint import blueprint
@@ -28,9 +22,15 @@ from tablemap.review.solid import log_model
 from tablemap.review.stream import Stream
 from tablemap.review.tables import Tables
 from tablemap.review.top import Top
-from tablemap.segmentation import Segmentation, TablesFound
-from tablemap.snapshots import SetAside, Snapshots
-from tablemap.surface import Surface
+from tablemap.stages.calibration import Calibration
+from tablemap.stages.crosscheck import CrossCheck
+from tablemap.stages.legs import Legs
+from tablemap.stages.odometry import Odometry, OdometryMap, OdometryScan
+from tablemap.stages.outline import Outline
+from tablemap.stages.registration import PairIteration, PairStarted, Registration, StopScan
+from tablemap.stages.segmentation import Segmentation, TablesFound
+from tablemap.stages.snapshots import SetAside, Snapshots
+from tablemap.stages.surface import Surface
 
 Draw = Callable[[Stream, Any], None]
 ALWAYS = (RunFailed, TableModel, OtherTable)

@@ -12,7 +12,7 @@ from tablemap.review import colours
 from tablemap.review.clouds import raised
 from tablemap.review.images import colour_archetype, depth_archetype
 from tablemap.review.stream import Stream, sensor_times
-from tablemap.snapshots import SetAside, Snapshot, Snapshots
+from tablemap.stages.snapshots import SetAside, Snapshot, Snapshots
 
 SCAN_SEARCH_NS = 200_000_000
 IMAGE_PLANE = "_image_plane"

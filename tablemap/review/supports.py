@@ -6,10 +6,10 @@ import numpy as np
 import rerun as rr
 
 from tablemap.geometry import Floats
-from tablemap.legs import Leg, Legs, RejectedCluster
 from tablemap.review import colours, text
 from tablemap.review.clouds import raised
 from tablemap.review.stream import Stream
+from tablemap.stages.legs import Leg, Legs, RejectedCluster
 
 
 def log_legs(stream: Stream, legs: Legs) -> None:

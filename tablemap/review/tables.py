@@ -8,18 +8,18 @@ from typing import Any
 
 import rerun as rr
 
-from tablemap.crosscheck import CrossCheck
+from tablemap.events import OfTable, OtherTable
 from tablemap.geometry import Pose2
-from tablemap.legs import Legs
-from tablemap.outline import Outline
-from tablemap.record import OfTable, OtherTable
 from tablemap.review import colours, story
 from tablemap.review.crosscheck import log_cross_check
 from tablemap.review.solid import log_model
 from tablemap.review.stream import Scene, Stream
 from tablemap.review.supports import log_legs
 from tablemap.review.top import Top
-from tablemap.surface import Surface
+from tablemap.stages.crosscheck import CrossCheck
+from tablemap.stages.legs import Legs
+from tablemap.stages.outline import Outline
+from tablemap.stages.surface import Surface
 
 
 class Tables:

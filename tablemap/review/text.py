@@ -8,15 +8,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from tablemap.calibration import Calibration
 from tablemap.geometry import Pose2
-from tablemap.legs import Legs
-from tablemap.odometry import Odometry
-from tablemap.outline import EdgeKind, Outline
-from tablemap.registration import Pair, Registration
 from tablemap.review.markdown import MOST_ROWS, figure, metres, table
-from tablemap.segmentation import Segmentation, TableCandidate
-from tablemap.surface import Surface
+from tablemap.stages.calibration import Calibration
+from tablemap.stages.legs import Legs
+from tablemap.stages.odometry import Odometry
+from tablemap.stages.outline import EdgeKind, Outline
+from tablemap.stages.registration import Pair, Registration
+from tablemap.stages.segmentation import Segmentation, TableCandidate
+from tablemap.stages.surface import Surface
 
 LEGEND = (
     "Edge points: green the table's, orange where something stood before or on it, violet where "

@@ -7,12 +7,12 @@ import rerun as rr
 import shapely
 
 from tablemap.geometry import Floats, Pose2
-from tablemap.outline import Outline, ViewEdges
 from tablemap.review import colours, text
 from tablemap.review.clouds import closed, raised, thinned
 from tablemap.review.stream import Stream
-from tablemap.segmentation import Label
-from tablemap.surface import Surface, SurfaceEdge
+from tablemap.stages.outline import Outline, ViewEdges
+from tablemap.stages.segmentation import Label
+from tablemap.stages.surface import Surface, SurfaceEdge
 
 LIFT = 0.003
 RESIDUAL_LIMIT = 0.005

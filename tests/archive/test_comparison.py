@@ -9,7 +9,7 @@ import pytest
 
 from tablemap.archive.comparison import Comparison, Difference, compare
 from tablemap.archive.drawing import draw_both
-from tests.factory import rectangle_model
+from tests.making.models import rectangle_model
 
 
 def named(comparison: Comparison, name: str) -> Difference:

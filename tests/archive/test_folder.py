@@ -12,8 +12,8 @@ from tablemap.archive import RunFolder, load_run
 from tablemap.archive.folder import trajectory_tum
 from tablemap.config import Config
 from tablemap.errors import TablemapError
-from tablemap.odometry import Trajectory
-from tests.factory import rectangle_model
+from tablemap.stages.odometry import Trajectory
+from tests.making.models import rectangle_model
 
 
 @pytest.fixture

@@ -10,8 +10,8 @@ import pytest
 from tablemap.archive.index import INDEX, list_runs, scan_runs
 from tablemap.archive.selection import Selection
 from tablemap.errors import ConfigError, TablemapError
-from tests.archive.runs import make_run
-from tests.factory import rectangle_model
+from tests.making.models import rectangle_model
+from tests.making.run_folders import make_run
 
 
 @pytest.fixture

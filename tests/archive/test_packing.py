@@ -15,10 +15,11 @@ from tablemap.archive import RunFolder, load_run
 from tablemap.archive.index import list_runs
 from tablemap.archive.packing import pack, unpack
 from tablemap.archive.pruning import prune, to_prune
-from tablemap.archive.verification import find_input, verify
+from tablemap.archive.verification import find_input
 from tablemap.errors import ConfigError, RecordingError, TablemapError
-from tests.archive.runs import make_run
-from tests.factory import rectangle_model
+from tablemap.runs.verification import verify
+from tests.making.models import rectangle_model
+from tests.making.run_folders import make_run
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tablemap.archive import load_run
-from tests.command import tablemap
+from tests.making.command import tablemap
 
 pytestmark = pytest.mark.slow
 

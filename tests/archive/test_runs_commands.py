@@ -12,13 +12,13 @@ import jsonschema
 import pytest
 from typer.testing import CliRunner, Result
 
-from tablemap import running
 from tablemap.archive import load_run
 from tablemap.cli import app
 from tablemap.config import Config, load_config
 from tablemap.errors import ConfigError, RecordingError, TablemapError
-from tests.archive.runs import make_run
-from tests.factory import rectangle_model
+from tablemap.runs import running
+from tests.making.models import rectangle_model
+from tests.making.run_folders import make_run
 
 
 def call(*arguments: object, code: int = 0) -> Result:
@@ -81,7 +81,7 @@ def test_compare_counts_sigmas_and_draws_both(runs: Path, tmp_path: Path) -> Non
     done = call("runs", "compare", runs / "lap/a", runs / "lap/b", "--json", "-o", output)
     assert json.loads(done.stdout)["words"]["shape"] == {"a": "rectangle", "b": "rectangle"}
     assert "lap/b" in (output / "compare.svg").read_text()
-    from tablemap.review.checking import damage_of
+    from tablemap.review.viewer.checking import damage_of
 
     assert damage_of(output / "compare.rrd") is None
     assert sorted(p.name for p in output.iterdir()) == ["compare.rrd", "compare.svg"]

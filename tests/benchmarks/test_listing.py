@@ -9,8 +9,8 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from tablemap.archive.index import list_runs, scan_runs
-from tests.archive.runs import make_run
-from tests.factory import rectangle_model
+from tests.making.models import rectangle_model
+from tests.making.run_folders import make_run
 
 RUNS = 10_000
 

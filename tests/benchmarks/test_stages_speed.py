@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from tablemap.calibration import calibrate
+from tablemap.baseline import method as report_method
 from tablemap.config import Config
-from tablemap.evaluation import report_method
 from tablemap.geometry import transform
 from tablemap.pipeline import process
 from tablemap.recording import Recording, open_recording
-from tablemap.segmentation import segment
-from tablemap.snapshots import Snapshot, take_snapshots
+from tablemap.stages.calibration import calibrate
+from tablemap.stages.segmentation import segment
+from tablemap.stages.snapshots import Snapshot, take_snapshots
 
 CONFIG = Config()
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from tablemap.baseline import method as report_method
 from tablemap.config import load_config
-from tablemap.evaluation import report_method
 from tablemap.evaluation.metrics import score
 from tablemap.evaluation.truth import Truth
 from tablemap.pipeline import process

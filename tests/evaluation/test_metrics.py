@@ -13,7 +13,7 @@ from tablemap.evaluation.aggregate import RunScore, summarise
 from tablemap.evaluation.metrics import Score, score
 from tablemap.evaluation.truth import Truth
 from tablemap.geometry import Pose2
-from tests.factory import rectangle_model
+from tests.making.models import rectangle_model
 
 
 def truth_of(model: m.TableModel, **sensor: float) -> Truth:

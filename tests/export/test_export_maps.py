@@ -15,7 +15,7 @@ from PIL import Image
 
 from tablemap.config import ExportConfig
 from tablemap.export import export_model
-from tests.export.models import MODELS, TOLERANCE, in_map, solids_of
+from tests.making.exported import MODELS, TOLERANCE, in_map, solids_of
 
 
 def _mask(folder: Path) -> tuple[np.ndarray, dict[str, object]]:

@@ -11,7 +11,15 @@ import trimesh
 import yourdfpy
 
 from tablemap.export import export_model
-from tests.export.models import HEIGHT, MODELS, POSE, assert_all_agree, in_map, solid_of, solids_of
+from tests.making.exported import (
+    HEIGHT,
+    MODELS,
+    POSE,
+    assert_all_agree,
+    in_map,
+    solid_of,
+    solids_of,
+)
 
 Z_UP_FROM_Y_UP = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 

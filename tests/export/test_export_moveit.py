@@ -11,7 +11,7 @@ import trimesh
 import yaml
 
 from tablemap.export import export_model
-from tests.export.models import HEIGHT, MODELS, POSE, Solid, assert_all_agree, solid_of
+from tests.making.exported import HEIGHT, MODELS, POSE, Solid, assert_all_agree, solid_of
 
 
 def _matrix(position: list[float], quaternion_xyzw: list[float]) -> np.ndarray:

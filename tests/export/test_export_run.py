@@ -12,8 +12,8 @@ from tablemap.archive import RunFolder
 from tablemap.config import Config, ExportConfig
 from tablemap.errors import WARNING_CODES, ConfigError, TablemapError
 from tablemap.export import FORMATS, export_model, export_run
-from tests.command import tablemap
-from tests.export.models import MODELS
+from tests.making.command import tablemap
+from tests.making.exported import MODELS
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from lxml import etree
 from shapely import affinity
 
 from tablemap.export import export_model
-from tests.export.models import HEIGHT, MODELS, POSE, Solid, assert_agree, assert_all_agree
+from tests.making.exported import HEIGHT, MODELS, POSE, Solid, assert_agree, assert_all_agree
 
 SCHEMAS = sorted(Path("/usr/share").glob("sdformat*/1.6/root.xsd"))
 

@@ -18,10 +18,10 @@ from mcap.writer import CompressionType, IndexType, Writer
 
 from tablemap.errors import RecordingError
 from tablemap.recording import inspect, open_recording
-from tablemap.recording.chunks import Chunk, DamageError, unpack
-from tablemap.recording.container import Container
-from tablemap.recording.index import MAGIC
-from tests.recording import writing as w
+from tablemap.recording.mcap.chunks import Chunk, DamageError, unpack
+from tablemap.recording.mcap.container import Container
+from tablemap.recording.mcap.index import MAGIC
+from tests.making import messages as w
 
 
 @pytest.fixture(scope="module")

@@ -18,9 +18,9 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Rosbag2Writer
 
 from tablemap.recording import Recording, inspect, open_recording
-from tablemap.recording.container import Container
 from tablemap.recording.decoding import Decoder, DecodingError
-from tests.recording import writing as w
+from tablemap.recording.mcap.container import Container
+from tests.making import messages as w
 
 
 def check_drive(recording: Recording, *, depth_tolerance: float = 1e-6) -> None:

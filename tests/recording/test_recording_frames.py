@@ -12,11 +12,11 @@ from tablemap.config import TopicsConfig
 from tablemap.errors import RecordingError
 from tablemap.geometry import transform
 from tablemap.recording import TransformStamped, open_recording
-from tablemap.recording.frame_roles import find_frames, ground_pose
-from tablemap.recording.frames import TransformCollector, TransformTree
 from tablemap.recording.messages import CameraInfo
 from tablemap.recording.rectification import is_rectified, rectification
-from tests.recording import writing as w
+from tablemap.recording.tf.frame_roles import find_frames, ground_pose
+from tablemap.recording.tf.frames import TransformCollector, TransformTree
+from tests.making import messages as w
 
 SECOND = 1_000_000_000
 LEVEL = (0.0, 0.0, 0.0, 1.0)

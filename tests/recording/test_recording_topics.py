@@ -12,7 +12,7 @@ import pytest
 from tablemap.config import TopicsConfig
 from tablemap.errors import RecordingError
 from tablemap.recording import inspect, open_recording, sha256
-from tests.recording import writing as w
+from tests.making import messages as w
 
 CONFIDENCE = "/head_rgbd_sensor/confidence/image_raw"
 

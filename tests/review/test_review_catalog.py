@@ -16,10 +16,10 @@ from tablemap.config import ReviewConfig
 from tablemap.errors import ExternalToolError, TablemapError
 from tablemap.model import TableModel
 from tablemap.review import Reviewer
-from tablemap.review.catalog import served_catalog
-from tests.archive.runs import make_run
-from tests.command import TABLEMAP
-from tests.factory import rectangle_model
+from tablemap.review.viewer.catalog import served_catalog
+from tests.making.command import TABLEMAP
+from tests.making.models import rectangle_model
+from tests.making.run_folders import make_run
 
 
 def reviewed(folder: Path, name: str, model: TableModel | None, **how: object) -> RunFolder:

@@ -13,14 +13,15 @@ from typing import Any
 import pytest
 from rerun.chunk import RrdReader
 
-from tablemap import recording, running
+from tablemap import recording
 from tablemap.archive import load_run
 from tablemap.archive.folder import RunFolder
 from tablemap.config import Config
 from tablemap.errors import EstimationError
-from tablemap.record import Record, StageFinished
-from tablemap.review import viewer
-from tests.review import made_up
+from tablemap.events import Record, StageFinished
+from tablemap.review.viewer import viewer
+from tablemap.runs import running
+from tests.making import made_up_run as made_up
 
 STAGES = ("segmentation", "registration", "surface")
 PARTS = {

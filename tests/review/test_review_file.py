@@ -13,15 +13,15 @@ from rerun.chunk import RrdReader
 
 from tablemap.config import ReviewConfig
 from tablemap.errors import TablemapError
-from tablemap.record import RunFailed
+from tablemap.events import RunFailed
 from tablemap.recording.messages import CompressedImage, Image
-from tablemap.registration import Registration
 from tablemap.review import Reviewer
 from tablemap.review.images import colour_archetype, depth_archetype, encode_depth
 from tablemap.review.schema import ENTITIES, SCHEMA, TIMELINES
-from tablemap.segmentation import Segmentation
-from tablemap.surface import Surface
-from tests.review import made_up
+from tablemap.stages.registration import Registration
+from tablemap.stages.segmentation import Segmentation
+from tablemap.stages.surface import Surface
+from tests.making import made_up_run as made_up
 
 STOPS = 8
 

@@ -10,7 +10,8 @@ import pytest
 
 from tablemap.config import ReviewConfig
 from tablemap.errors import ExternalToolError, TablemapError
-from tablemap.review import Reviewer, live, viewer
+from tablemap.review import Reviewer
+from tablemap.review.viewer import live, viewer
 
 
 def test_a_whole_file_is_shown_as_it_is(tmp_path: Path) -> None:

@@ -10,12 +10,12 @@ from xml.etree import ElementTree
 import pytest
 
 from tablemap.archive.folder import Manifest, RecordingEntry
+from tablemap.events import RunFailed
 from tablemap.model import TableModel
-from tablemap.record import RunFailed
-from tablemap.review.page import Page
-from tablemap.review.plan import plan
-from tablemap.surface import Surface
-from tests.review import made_up
+from tablemap.review.page.page import Page
+from tablemap.review.page.plan import plan
+from tablemap.stages.surface import Surface
+from tests.making import made_up_run as made_up
 
 VOID = {"meta", "br"}
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-import tablemap.record
+import tablemap.events
 from tablemap import pipeline
 from tablemap.config import ReviewConfig
 from tablemap.errors import ProcessWarning
@@ -43,9 +43,9 @@ def reviewer(tmp_path: Path) -> Iterator[Reviewer]:
 
 def modules(name: str) -> list[types.ModuleType]:
     """A stage's module, or all modules of its folder."""
-    stage = importlib.import_module(f"tablemap.{name}")
-    inner = pkgutil.iter_modules(getattr(stage, "__path__", []))
-    return [stage, *[importlib.import_module(f"tablemap.{name}.{one.name}") for one in inner]]
+    stage = importlib.import_module(f"tablemap.stages.{name}")
+    inner = pkgutil.walk_packages(stage.__path__, f"{stage.__name__}.")
+    return [stage, *[importlib.import_module(one.name) for one in inner]]
 
 
 def events(module: types.ModuleType) -> list[type]:
@@ -67,7 +67,7 @@ def test_every_stage_has_an_entrance_here() -> None:
 @pytest.mark.parametrize("stage", pipeline.STAGES)
 def test_results_have_places(stage: str, reviewer: Reviewer) -> None:
     """What a stage's function returns can be drawn."""
-    module = importlib.import_module(f"tablemap.{stage}")
+    module = importlib.import_module(f"tablemap.stages.{stage}")
     for name in ENTRANCES[stage]:
         returned = inspect.signature(getattr(module, name)).return_annotation
         assert getattr(module, returned) in reviewer.places
@@ -83,7 +83,7 @@ def test_events_have_places(stage: str, reviewer: Reviewer) -> None:
 
 def recorded() -> set[str]:
     """The names of all that the package makes in a call of ``record``."""
-    package = Path(tablemap.record.__file__).parent
+    package = Path(tablemap.events.__file__).parent
     calls = [
         node
         for file in package.rglob("*.py")
@@ -116,7 +116,7 @@ def test_all_that_is_recorded_has_a_place(reviewer: Reviewer) -> None:
 
 def test_the_run_itself_has_places(reviewer: Reviewer) -> None:
     """Stages, failures, warnings and the model can be drawn; the search for events finds some."""
-    found = events(tablemap.record)
+    found = events(tablemap.events)
     assert len(found) >= 3
     for one in [*found, ProcessWarning, TableModel]:
         assert one in reviewer.places

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from tablemap.archive.folder import Manifest
 from tablemap.config import ReviewConfig
 from tablemap.errors import ExternalToolError, TablemapError
-from tablemap.review import Reviewer, viewer
-from tablemap.review.page import Page
-from tablemap.review.still import TABS, still
-from tests.review import made_up
+from tablemap.review import Reviewer
+from tablemap.review.page.page import Page
+from tablemap.review.viewer import viewer
+from tablemap.review.viewer.still import TABS, still
+from tests.making import made_up_run as made_up
 
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 MANIFEST = {

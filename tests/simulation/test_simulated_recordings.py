@@ -15,7 +15,7 @@ from tablemap.geometry import Pose2, transform
 from tablemap.simulation import Scenario, load_scenario, scenario_names, simulate, suite, write
 from tablemap.simulation.laser import MOUNT
 from tablemap.simulation.scene import Scene
-from tests.simulation import log
+from tests.making import simulated_log as log
 
 HEAD = "/hsrb/head_rgbd_sensor"
 DEPTH = f"{HEAD}/depth_registered/image_rect_raw/compressedDepth"

@@ -37,7 +37,7 @@ def reprocess(
     from rich.console import Console
 
     from tablemap.archive import load_run
-    from tablemap.running import reprocess as process_again
+    from tablemap.runs.running import reprocess as process_again
 
     folder = load_run(run)
     outcome = process_one(

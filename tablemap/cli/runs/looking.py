@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def show(run: Run, as_json: Json = False, debug: Debug = False) -> None:
     """Show what a RUN was made of, how it ended, and its model."""
     from tablemap.archive import load_run
-    from tablemap.summary import summary_rows
+    from tablemap.model.summary import summary_rows
 
     folder = load_run(run)
     manifest = folder.manifest
@@ -129,7 +129,7 @@ def verify(
     from dataclasses import asdict
 
     from tablemap.archive import load_run
-    from tablemap.archive.verification import verify as verify_run
+    from tablemap.runs.verification import verify as verify_run
 
     failed = False
     for path in runs:

@@ -65,7 +65,7 @@ def serve_(
     """Serve the runs in DIR as a Rerun catalog, until it is interrupted."""
     import threading
 
-    from tablemap.review.catalog import DATASET, served_catalog
+    from tablemap.review.viewer.catalog import DATASET, served_catalog
 
     with served_catalog(folder, host=host, port=port) as catalog:
         for note in catalog.notes:

@@ -1,0 +1,1 @@
+"""The bachelor report's method, to compare with."""

@@ -1,0 +1,218 @@
+"""The bachelor report's method, as the baseline: depth clouds, 6-DoF ICP, a hull, two primitives.
+
+TU Eindhoven's report, in short: per snapshot the cloud in the map as localised, without what lies
+lower than 0.1 m; its nearest Euclidean cluster; a horizontal plane by RANSAC (3 cm), whose height
+is averaged over the snapshots; nothing under the plane less 1 cm. The clouds are added one at a
+time by point-to-point ICP onto the growing cloud (maximum correspondence distance 1 m). Flattened,
+the concave hull's points vote, by RANSAC with a 3 cm threshold, for a circle through three points
+and for two parallel lines through three points, found twice; inliers over hull points is the score
+and the better score wins. What the report leaves open is in `tablemap.config.ReportConfig`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tablemap import model as m
+from tablemap.baseline.shapes import Found, find_circle, find_parallelogram, hull_points
+from tablemap.config import Config, ReportConfig
+from tablemap.errors import EstimationError
+from tablemap.events import Record, ignore
+from tablemap.geometry import Floats, transform
+from tablemap.pipeline import Processed, Tables, stages
+from tablemap.recording import Recording
+from tablemap.stages.odometry import Trajectory
+from tablemap.stages.snapshots import Snapshot, take_snapshots
+
+if TYPE_CHECKING:
+    import open3d
+
+PLANE_ITERATIONS = 500
+HORIZONTAL = 0.95  # least cosine between a plane's normal and the vertical
+ICP_ITERATIONS = 50
+
+
+@dataclass(frozen=True, eq=False)
+class ViewCloud:
+    """One snapshot's table: ``points`` (n, 3) in the map as localised; its plane's height."""
+
+    index: int
+    points: Floats
+    height: float
+
+
+def process(
+    recording: Recording, *, config: Config, tables: Tables = "best", record: Record = ignore
+) -> Processed:
+    """Model the table as the report did; ``tables`` other than the best are not for this method.
+
+    Raises `EstimationError` where no snapshot shows a horizontal plane in its nearest cluster.
+    """
+    if tables != "best":
+        raise EstimationError(
+            "the report's method takes what is nearest: leave out --near and --all."
+        )
+    settings, stage = config.report, stages(record)
+    with stage("snapshots"):
+        taken = take_snapshots(recording, config=config.snapshots)
+        record(taken)
+    reasons: dict[int, str] = {}
+    views = []
+    with stage("segmentation"):
+        for snapshot in taken.snapshots:
+            found = table_cloud(snapshot, settings, seed=config.seed)
+            if isinstance(found, str):
+                reasons[snapshot.index] = found
+            else:
+                views.append(found)
+        if not views:
+            raise EstimationError(
+                "no snapshot shows a horizontal plane in its nearest cluster; look at the depth "
+                "images in run.rrd."
+            )
+        height = float(np.mean([view.height for view in views]))
+    with stage("registration"):
+        cloud, corrections = join(views, height, settings)
+    with stage("surface"):
+        hull = hull_points(cloud[:, :2], settings.alpha)
+        surface = _surface(hull, height, settings, seed=config.seed)
+    poses = [
+        _corrected(snapshot, corrections.get(snapshot.index, np.eye(4)))
+        for snapshot in taken.snapshots
+    ]
+    model = m.TableModel(
+        frame=recording.names.fixed,
+        floor_z=0.0,
+        surface=surface,
+        legs=(),
+        snapshots=tuple(
+            m.SnapshotPose(
+                stamp_ns=snapshot.stamp_ns,
+                map_from_base=m.PlanarPose(x=pose[0], y=pose[1], yaw=pose[2]),
+                sigma=None,
+                used=snapshot.index not in reasons,
+                reason=reasons.get(snapshot.index),
+            )
+            for snapshot, pose in zip(taken.snapshots, poses, strict=True)
+        ),
+        verdict=m.Verdict(level="good", reasons=()),
+        warnings=tuple(
+            m.WarningEntry(code=w.code, stage=w.stage, message=w.message, stamp_ns=w.stamp_ns)
+            for w in recording.warnings
+        ),
+    )
+    record(model)
+    stamps = np.array([snapshot.stamp_ns for snapshot in taken.snapshots], dtype=np.int64)
+    return Processed(model, (), Trajectory(stamps, np.array(poses)))
+
+
+def table_cloud(snapshot: Snapshot, config: ReportConfig, *, seed: int) -> ViewCloud | str:
+    """Return a snapshot's nearest cluster in the map and its plane, or why there is none."""
+    import open3d as o3d
+
+    in_map = transform(snapshot.map_from_base.lifted(), snapshot.points_in_base()).reshape(-1, 3)
+    in_map = in_map[np.isfinite(in_map[:, 2]) & (in_map[:, 2] >= config.floor)]
+    cloud = _cloud(in_map).voxel_down_sample(config.voxel)
+    points = np.asarray(cloud.points)
+    if len(points) < config.cluster_minimum:
+        return "it shows nothing above the floor"
+    labels = np.asarray(cloud.cluster_dbscan(config.cluster_tolerance, min_points=1))
+    sizes = np.bincount(labels)
+    large = np.flatnonzero(sizes >= config.cluster_minimum)
+    if not len(large):
+        return "it shows no cluster that is large enough"
+    robot = snapshot.map_from_base.translation
+    distances = np.hypot(*(points[:, :2] - robot).T)
+    nearest = min(large.tolist(), key=lambda label: float(distances[labels == label].min()))
+    cluster = points[labels == nearest]
+    rest = cluster
+    while len(rest) >= config.cluster_minimum:
+        o3d.utility.random.seed(seed)
+        plane, inliers = _cloud(rest).segment_plane(config.plane_threshold, 3, PLANE_ITERATIONS)
+        if abs(plane[2]) >= HORIZONTAL:
+            return ViewCloud(snapshot.index, cluster, float(rest[inliers, 2].mean()))
+        rest = np.delete(rest, inliers, axis=0)
+    return "its nearest cluster has no horizontal plane"
+
+
+def join(
+    views: list[ViewCloud], height: float, config: ReportConfig
+) -> tuple[Floats, dict[int, Floats]]:
+    """Add the clouds one at a time onto the growing one; return it and each view's motion."""
+    import open3d as o3d
+
+    whole = _cut(views[0].points, height, config)
+    corrections = {views[0].index: np.eye(4)}
+    for view in views[1:]:
+        points = _cut(view.points, height, config)
+        motion = np.eye(4)
+        if config.icp_distance > 0 and len(points) >= 3:
+            motion = o3d.pipelines.registration.registration_icp(
+                _cloud(points),
+                _cloud(whole),
+                config.icp_distance,
+                np.eye(4),
+                o3d.pipelines.registration.TransformationEstimationPointToPoint(),
+                o3d.pipelines.registration.ICPConvergenceCriteria(max_iteration=ICP_ITERATIONS),
+            ).transformation
+        corrections[view.index] = np.array(motion)
+        whole = np.vstack([whole, transform(corrections[view.index], points)])
+        whole = np.asarray(_cloud(whole).voxel_down_sample(config.voxel).points)
+    return whole, corrections
+
+
+def _cut(points: Floats, height: float, config: ReportConfig) -> Floats:
+    if config.cut == "nothing":
+        return points
+    kept = points[:, 2] >= height - config.cut_margin
+    if config.cut == "above_and_below":
+        kept &= points[:, 2] <= height + config.plane_threshold
+    return points[kept]
+
+
+def _cloud(points: Floats) -> open3d.geometry.PointCloud:
+    import open3d as o3d
+
+    return o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.ascontiguousarray(points)))
+
+
+def _corrected(snapshot: Snapshot, motion: Floats) -> tuple[float, float, float]:
+    """Return x, y, yaw of a snapshot's base after its cloud's 6-DoF motion."""
+    pose = motion @ snapshot.map_from_base.lifted()
+    return float(pose[0, 3]), float(pose[1, 3]), float(np.arctan2(pose[1, 0], pose[0, 0]))
+
+
+def _surface(hull: Floats, height: float, config: ReportConfig, *, seed: int) -> m.TableSurface:
+    """Let circle and parallelogram compete for the hull's points; the hull is the fallback."""
+    rng = np.random.default_rng(seed)
+    tried = [
+        find_circle(hull, config.threshold, rng),
+        find_parallelogram(hull, config.threshold, rng),
+    ]
+    found = sorted((t for t in tried if t is not None), key=lambda t: -t.score)
+    stands = found and found[0].score >= config.minimum_score
+    best = found[0] if stands else Found.of_hull(hull)
+    outline = tuple((float(x), float(y)) for x, y in best.outline)
+    zero = (0.0, 0.0, 0.0)
+    return m.TableSurface(
+        shape=best.shape,
+        pose=m.SurfacePose(x=best.x, y=best.y, yaw=best.yaw, covariance=(zero, zero, zero)),
+        height=m.Figure(value=height, sigma=None),
+        thickness=None,
+        dimensions={
+            name: m.Dimension(value=value, sigma=None, status="measured")
+            for name, value in best.dimensions.items()
+        },
+        corner_radius=None,
+        outline=outline,
+        edges=(m.Edge(points=outline, status="measured", sigma=None, seen_fraction=1.0),),
+        score=best.score,
+        alternatives=tuple(
+            m.Alternative(shape=other.shape, score=other.score)
+            for other in found
+            if other is not best
+        ),
+    )

@@ -1,6 +1,0 @@
-"""Many recordings: in processes of this machine, or on a Dask cluster."""
-
-from tablemap.batch.jobs import Job, done_already, expand
-from tablemap.batch.processes import process_many
-
-__all__ = ["Job", "done_already", "expand", "process_many"]

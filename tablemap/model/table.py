@@ -1,0 +1,231 @@
+"""The model of a table: what ``table.json`` holds, and how it is read and written.
+
+Bytes repeat: keys keep their order, and numbers are rounded to the decimals that figures agree to
+across machines' threads (micrometres, microradians; covariances to nine significant digits).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict
+from pydantic.functional_serializers import PlainSerializer
+
+from tablemap.model.documents import parse_document, read_document
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+SCHEMA = "tablemap/table/1"
+
+Status = Literal["measured", "inferred", "unseen"]
+Shape = Literal["circle", "ellipse", "rectangle", "square", "parallelogram", "polygon", "mesh"]
+Level = Literal["good", "doubtful", "failed"]
+
+
+def _finite(value: object) -> object:
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ValueError("not finite")
+    return value
+
+
+def _micro(value: float) -> float:
+    return round(value, 6) + 0.0
+
+
+def _significant(value: float) -> float:
+    return float(f"{value:.9g}") + 0.0
+
+
+Number = Annotated[float, BeforeValidator(_finite), PlainSerializer(_micro, return_type=float)]
+"""Metres, radians or a share, written to six decimals."""
+Variance = Annotated[
+    float, BeforeValidator(_finite), PlainSerializer(_significant, return_type=float)
+]
+"""An element of a covariance, written to nine significant digits."""
+Point = tuple[Number, Number]
+
+
+class Part(BaseModel):
+    """A part of the model: frozen; fields that a reader does not know are ignored."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+
+class Figure(Part):
+    """A value and its standard deviation; null where no covariance stands behind one."""
+
+    value: Number
+    sigma: Number | None
+
+
+class Dimension(Figure):
+    """A figure of a shape; of an ``unseen`` one the value is a bound."""
+
+    status: Status
+
+
+class SurfacePose(Part):
+    """The top's area centroid and heading in ``frame``; covariance of x, y, yaw in the map."""
+
+    x: Number
+    y: Number
+    yaw: Number
+    covariance: tuple[
+        tuple[Variance, Variance, Variance],
+        tuple[Variance, Variance, Variance],
+        tuple[Variance, Variance, Variance],
+    ]
+
+
+class Edge(Part):
+    """One side of the outline and how much of it was seen."""
+
+    points: tuple[Point, ...]
+    status: Status
+    sigma: Number | None
+    seen_fraction: Number
+
+
+class Alternative(Part):
+    """Another shape that was weighed, with its posterior weight."""
+
+    shape: Shape
+    score: Number
+
+
+class TableSurface(Part):
+    """The top of the table; ``beside`` is the outline of what touches it and is no part of it."""
+
+    shape: Shape
+    pose: SurfacePose
+    height: Figure
+    thickness: Figure | None
+    dimensions: dict[str, Dimension]
+    corner_radius: Dimension | None
+    outline: tuple[Point, ...]
+    edges: tuple[Edge, ...]
+    score: Number
+    alternatives: tuple[Alternative, ...]
+    beside: tuple[Point, ...] | None = None
+
+    def contains(
+        self, x: ArrayLike, y: ArrayLike, *, frame: Literal["map", "table"] = "map"
+    ) -> NDArray[np.float64]:
+        """Return the probability that points lie on the top, seen from above.
+
+        ``x`` and ``y`` are metres, numbers or arrays of one shape; so is what is returned. In
+        ``map`` (the model's own frame, whatever its name) the pose's covariance and the sides'
+        sigmas count; in ``table`` (origin at the pose, x along the length) the sides' alone: how
+        sure a robot can be that has just seen the table. NaN where it is not known: where a side
+        decides that was not seen, or that no sigma stands behind.
+        """
+        from tablemap.model.footprint import probability_on_top
+
+        return probability_on_top(self, x, y, frame=frame)
+
+
+class TableLeg(Part):
+    """One leg: ``circle`` (diameter) or ``rectangle`` (length, width)."""
+
+    shape: Literal["circle", "rectangle"]
+    x: Number
+    y: Number
+    yaw: Number
+    status: Status
+    position_sigma: Number | None
+    dimensions: dict[str, Dimension]
+
+
+class PlanarPose(Part):
+    """A pose in SE(2)."""
+
+    x: Number
+    y: Number
+    yaw: Number
+
+
+class PoseSigma(Part):
+    """Standard deviations of a snapshot's place (metres) and heading (radians)."""
+
+    xy: Number
+    yaw: Number
+
+
+class SnapshotPose(Part):
+    """Where a snapshot was, and why it was not used."""
+
+    stamp_ns: int
+    map_from_base: PlanarPose
+    sigma: PoseSigma | None
+    used: bool
+    reason: str | None
+
+
+class Verdict(Part):
+    """Whether the model is to be trusted."""
+
+    level: Level
+    reasons: tuple[str, ...]
+
+
+class WarningEntry(Part):
+    """A warning; its code is one of `tablemap.errors.WARNING_CODES`."""
+
+    code: str
+    stage: str
+    message: str
+    stamp_ns: int | None
+
+
+class CalibrationEntry(Part):
+    """What the floor said about the camera (radians, a factor, metres), and its sigmas."""
+
+    roll: Number
+    pitch: Number
+    depth_scale: Number
+    sigma: tuple[Number, Number, Number]
+
+
+class TableModel(Part):
+    """A table as a robot can use it. Metres and radians, in the recording's ``frame``."""
+
+    frame: str
+    floor_z: Number
+    surface: TableSurface
+    legs: tuple[TableLeg, ...]
+    snapshots: tuple[SnapshotPose, ...]
+    calibration: CalibrationEntry | None = None
+    verdict: Verdict
+    warnings: tuple[WarningEntry, ...]
+
+    def to_json(self) -> str:
+        """Return the text of ``table.json``."""
+        document = {"schema": SCHEMA, **self.model_dump(mode="json")}
+        return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+    @staticmethod
+    def from_json(text: str) -> TableModel:
+        """Read ``table.json``; fields that are not known are ignored.
+
+        Raises `TablemapError` where the text is no table model, or one of a later schema.
+        """
+        return parse_document(text, TableModel, schema=SCHEMA, noun="table model")
+
+    @staticmethod
+    def load(path: Path) -> TableModel:
+        """Read ``table.json``, or the one in a run folder."""
+        file = path / "table.json" if path.is_dir() else path
+        return read_document(file, TableModel, schema=SCHEMA, noun="table model")
+
+
+def json_schema() -> dict[str, object]:
+    """Return the JSON Schema of ``table.json``; fields that it does not name are allowed."""
+    schema = TableModel.model_json_schema(mode="serialization")
+    schema["properties"] = {"schema": {"const": SCHEMA}, **schema["properties"]}
+    schema["required"] = ["schema", *schema["required"]]
+    return schema

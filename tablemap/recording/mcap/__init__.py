@@ -1,0 +1,1 @@
+"""The MCAP container: chunks, index, messages in order."""

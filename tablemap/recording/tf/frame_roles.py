@@ -1,0 +1,204 @@
+"""Which TF frame is the fixed one, the wheel odometry's, and the base.
+
+Names decide first (REP 105), then how frames move:
+
+- fixed: map, then world, earth, odom; else the root of the camera's tree, if that is no base and
+  the camera moves in it.
+- base: base_footprint, base_link, base and the like, if it moves in the plane (tilts less than
+  `MAX_TILT`, rises less than `MAX_RISE`); else the last frame between fixed and camera that is
+  driven about in the plane; else the camera's own place, projected to the ground.
+- odom: odom and the like; else what lies between the fixed frame and the base, if it moves too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tablemap.config import TopicsConfig
+from tablemap.errors import RecordingError
+from tablemap.geometry import Floats
+from tablemap.recording.tf.frames import Edge, Stamps, TransformTree
+
+MAX_TILT = np.radians(5.0)
+MAX_RISE = 0.10
+_DRIVEN_METRES = 0.05
+
+_FIXED_NAMES = ("map", "world", "earth", "odom", "odom_combined", "vicon", "mocap")
+_ODOM_NAMES = ("odom", "odom_combined", "odometry", "wheel_odom")
+_BASE_NAMES = (
+    "base_footprint",
+    "base_link",
+    "base",
+    "base_frame",
+    "robot_base",
+    "mobile_base",
+    "footprint",
+    "chassis",
+)
+
+
+@dataclass(frozen=True)
+class FrameNames:
+    """The frames by role. ``odom`` is None without wheel odometry, ``laser`` without a laser.
+
+    Where nothing drives in the plane (a hand-held camera), ``base_is_virtual``: the base is the
+    camera's place on the ground, turned as the camera looks, and is no frame of the TF tree.
+    """
+
+    fixed: str
+    odom: str | None
+    base: str
+    camera: str
+    laser: str | None
+    base_is_virtual: bool = False
+
+
+def find_frames(
+    tree: TransformTree, *, camera: str, laser: str | None, config: TopicsConfig
+) -> FrameNames:
+    """Return the frames by role.
+
+    Raises `RecordingError` where the camera has no pose in a fixed frame, saying where it looked.
+    """
+    fixed = _fixed(tree, camera, config.fixed_frame)
+    names = FrameNames(fixed, None, f"{camera}_ground", camera, laser, base_is_virtual=True)
+    base = _base(tree, names, config.base_frame)
+    if base is not None:
+        names = replace(names, base=base, base_is_virtual=False)
+    carrier = camera if names.base_is_virtual else names.base
+    placed = laser is not None and tree.connected(laser, carrier)
+    odom = _odom(tree, names, carrier, config.odom_frame)
+    return replace(names, odom=odom, laser=laser if placed else None)
+
+
+def ground_pose(fixed_from_camera: Floats) -> Floats:
+    """Return the (n, 4, 4) poses of the places below cameras, turned as these look.
+
+    The heading is that of the optical axis; the image's upward direction helps where the camera
+    looks down, and the axis alone has hardly a heading.
+    """
+    forward = fixed_from_camera[:, :2, 2].copy()
+    down = fixed_from_camera[:, 2, 2] < 0
+    forward[down] -= fixed_from_camera[down, :2, 1]
+    yaw = np.arctan2(forward[:, 1], forward[:, 0])
+    poses = np.zeros_like(fixed_from_camera)
+    poses[:, 0, 0] = poses[:, 1, 1] = np.cos(yaw)
+    poses[:, 1, 0] = np.sin(yaw)
+    poses[:, 0, 1] = -np.sin(yaw)
+    poses[:, 2, 2] = poses[:, 3, 3] = 1.0
+    poses[:, :2, 3] = fixed_from_camera[:, :2, 3]
+    return poses
+
+
+def _named(tree: TransformTree, names: tuple[str, ...]) -> list[str]:
+    """Return the frames of these names, with or without a robot's prefix, best first."""
+    return [frame for name in names for frame in tree.frames if frame.rpartition("/")[2] == name]
+
+
+def _fixed(tree: TransformTree, camera: str, given: str) -> str:
+    if not tree.frames:
+        raise RecordingError(
+            "The recording has no transforms, so that the camera's poses are unknown; record /tf "
+            "and /tf_static with the localisation running."
+        )
+    given = given.lstrip("/")
+    if given:
+        tree.path(given, camera)
+        return given
+    if camera not in tree.frames:
+        raise RecordingError(
+            f"The depth camera's frame {camera!r} is not in the TF tree, whose frames are "
+            f"{', '.join(tree.frames[:12])}; record /tf_static too, from the start."
+        )
+    for frame in _named(tree, _FIXED_NAMES):
+        if tree.connected(frame, camera):
+            return frame
+    root = tree.root(camera)
+    is_base = root.rpartition("/")[2] in _BASE_NAMES
+    if is_base or not tree.moving_edges(root, camera):
+        raise RecordingError(
+            f"The depth camera's poses are unknown: the TF tree knows it only within {root!r}, and "
+            f"no fixed frame (map, world, odom) above. Record /tf with the localisation running, "
+            "or name the fixed frame with --set topics.fixed_frame=FRAME."
+        )
+    return root
+
+
+def _base(tree: TransformTree, names: FrameNames, given: str) -> str | None:
+    given = given.lstrip("/")
+    if given:
+        tree.path(names.fixed, given)
+        return given
+    between = [edge.child for edge in tree.path(names.fixed, names.camera)[1]]
+    named = [frame for frame in _named(tree, _BASE_NAMES) if _belongs(tree, names, frame)]
+    named.sort(key=lambda frame: frame not in between)  # another robot's base is not on the way
+    for frame in named:
+        if frame != names.fixed and _is_planar(tree, names.fixed, frame):
+            return frame
+    for edge in tree.path(names.fixed, names.camera)[1]:
+        if edge.child == names.camera or not _is_driven(edge):
+            continue
+        if _is_planar(tree, names.fixed, edge.child):
+            return edge.child
+    return None
+
+
+def _belongs(tree: TransformTree, names: FrameNames, frame: str) -> bool:
+    """Tell whether a frame reaches the camera without passing the fixed frame."""
+    if not tree.connected(frame, names.camera):
+        return False
+    up_frame, up_camera = tree.path(frame, names.camera)
+    return all(edge.parent != names.fixed for edge in (*up_frame, *up_camera)) or not up_frame
+
+
+def _is_driven(edge: Edge) -> bool:
+    return not edge.is_static and bool(
+        np.ptp(edge.translations[:, :2], axis=0).max() > _DRIVEN_METRES
+    )
+
+
+def _is_planar(tree: TransformTree, fixed: str, frame: str) -> bool:
+    stamps = pose_stamps(tree, fixed, frame)
+    thinned = stamps[:: max(len(stamps) // 500, 1)]
+    poses, valid = tree.lookup(fixed, frame, thinned)
+    if not valid.any():
+        return True
+    poses = poses[valid]
+    tilt = np.quantile(np.arccos(np.clip(poses[:, 2, 2], -1, 1)), 0.95)
+    low, high = np.quantile(poses[:, 2, 3], [0.05, 0.95])
+    return bool(tilt < MAX_TILT and high - low < MAX_RISE)
+
+
+def _odom(tree: TransformTree, names: FrameNames, carrier: str, given: str) -> str | None:
+    given = given.lstrip("/")
+    if given:
+        tree.path(given, carrier)
+        return given
+    for frame in _named(tree, _ODOM_NAMES):
+        if not tree.connected(frame, carrier) or not tree.moving_edges(frame, carrier):
+            continue
+        up_frame, up_carrier = tree.path(frame, carrier)
+        # Through the fixed frame it would be the localisation over again, or another robot.
+        passed = {edge.parent for edge in (*up_frame, *up_carrier)} - {frame}
+        if names.fixed not in passed:
+            return frame
+    for edge in tree.path(names.fixed, carrier)[1]:
+        if edge.parent != names.fixed and _is_driven(edge):
+            return edge.parent if tree.moving_edges(names.fixed, edge.parent) else None
+    return None
+
+
+def pose_stamps(tree: TransformTree, fixed: str, frame: str) -> Stamps:
+    """Return the stamps of the most often recorded edge between two frames, that all cover.
+
+    Where nothing moves between them, the one stamp at which an edge was recorded.
+    """
+    moving = tree.moving_edges(fixed, frame)
+    if not moving:
+        up_fixed, up_frame = tree.path(fixed, frame)
+        stamps = [edge.stamps_ns for edge in (*up_fixed, *up_frame)]
+        return np.array([max(int(s[0]) for s in stamps)] if stamps else [0], dtype=np.int64)
+    stamps_ns = max(moving, key=lambda edge: len(edge.stamps_ns)).stamps_ns
+    return stamps_ns[tree.lookup(fixed, frame, stamps_ns)[1]]

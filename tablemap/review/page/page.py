@@ -1,0 +1,221 @@
+"""``report.html``: a run on one page that needs nothing else, to read, print and send."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from html import escape
+
+import numpy as np
+
+from tablemap.archive.folder import Manifest
+from tablemap.events import OtherTable, RunFailed
+from tablemap.model import TableModel
+from tablemap.model.summary import summary_rows
+from tablemap.review.page.plan import plan
+from tablemap.review.page.plots import histogram, unrolled
+from tablemap.stages.surface import Surface
+
+STYLE = """
+body { font: 15px/1.45 system-ui, sans-serif; color: #1c1c20; margin: 2em auto; max-width: 60em;
+  padding: 0 1em; }
+h1 { font-size: 1.6em; margin: 0 0 .2em; } h2 { font-size: 1.15em; margin: 1.6em 0 .4em; }
+table { border-collapse: collapse; font-size: .93em; }
+td, th { text-align: left; vertical-align: top; padding: .18em 1.2em .18em 0;
+  border-bottom: 1px solid #ddd; overflow-wrap: anywhere; }
+td:first-child { white-space: nowrap; } th { font-weight: 600; }
+svg { max-width: 100%; height: auto; }
+.good { color: #1b7a36; } .doubtful { color: #a86400; } .failed { color: #b3261e; }
+.measured { color: #1b7a36; } .inferred { color: #a86400; } .unseen { color: #b3261e; }
+.muted { color: #666; }
+section, tr { break-inside: avoid; } h2 { break-after: avoid; }
+@media print { body { margin: 0; max-width: none; font-size: 11px; } }
+"""
+MOST_ROWS = 200
+
+
+class Page:
+    """Keeps what the page shows of a run's results; call it with each as it arises."""
+
+    def __init__(self) -> None:
+        self._model: TableModel | None = None
+        self._surface: Surface | None = None
+        self._failure: RunFailed | None = None
+        self._others: list[OtherTable] = []
+
+    def __call__(self, result: object) -> None:
+        """Take a result or an event of the run."""
+        if isinstance(result, TableModel):
+            self._model = result
+        elif isinstance(result, Surface):
+            self._surface = result
+        elif isinstance(result, OtherTable):
+            self._others.append(result)
+        elif isinstance(result, RunFailed):
+            self._failure = result
+
+    def html(self, manifest: Manifest, *, status: str, error: str | None) -> str:
+        """Return the page of a run that ended with ``status``."""
+        model, name = self._model, escape(manifest.recording.path.rsplit("/", 1)[-1])
+        if model is None:
+            stage = self._failure.stage if self._failure else "recording"
+            body = [
+                f'<h1 class="failed">No model of {name}</h1>',
+                f"<p>The run ended in <b>{escape(stage)}</b>:</p>",
+                f"<blockquote>{escape(error or 'no reason was given')}</blockquote>",
+                _stages_done(manifest, stage, status),
+            ]
+        else:
+            body = [*_model(model, name, self._surface), *_beside(self._others)]
+            if error:
+                body.insert(1, f'<p class="doubtful">{escape(status)}: {escape(error)}</p>')
+        return "\n".join(
+            [
+                "<!DOCTYPE html>",
+                '<html lang="en"><head><meta charset="utf-8">',
+                '<meta name="viewport" content="width=device-width">',
+                f"<title>{name}: {escape(model.surface.shape if model else 'no model')}</title>",
+                f"<style>{STYLE}</style></head><body>",
+                *body,
+                _provenance(manifest, status),
+                "</body></html>\n",
+            ]
+        )
+
+
+def _model(model: TableModel, name: str, surface: Surface | None) -> Iterable[str]:
+    verdict = model.verdict
+    yield (
+        f'<h1>{escape(model.surface.shape.capitalize())}: <span class="{verdict.level}">'
+        f"{verdict.level}</span></h1>"
+    )
+    yield f'<p class="muted">The table in {name}</p>'
+    if verdict.reasons:
+        yield "<ul>" + "".join(f"<li>{escape(reason)}</li>" for reason in verdict.reasons) + "</ul>"
+    rows = [row for row in summary_rows(model) if row[0] not in ("verdict", "warning")]
+    yield _table((), [(name, text.replace("+-", "±")) for name, text in rows])
+    yield f"<section><h2>From above</h2>{plan(model)}</section>"
+    yield "<h2>Sides</h2>"
+    yield _table(
+        ("side", "length", "status", "seen", "sigma"),
+        [
+            (
+                k,
+                f"{_reach(edge.points):.3f} m",
+                edge.status,
+                f"{100 * edge.seen_fraction:.0f} %",
+                "none" if edge.sigma is None else f"{1000 * edge.sigma:.1f} mm",
+            )
+            for k, edge in enumerate(model.surface.edges)
+        ],
+    )
+    if surface is not None and np.isfinite(surface.residuals).any():
+        yield (
+            "<section><h2>Edge points against the outline</h2>"
+            f"{unrolled(surface)}{histogram(surface.residuals)}</section>"
+        )
+    yield f"<h2>Legs ({len(model.legs)})</h2>"
+    if model.legs:
+        yield _table(
+            ("leg", "x, y in m", "sigma", "size", "status"),
+            [
+                (
+                    f"{k} {leg.shape}",
+                    f"{leg.x:.3f}, {leg.y:.3f}",
+                    "none" if leg.position_sigma is None else f"{1000 * leg.position_sigma:.1f} mm",
+                    ", ".join(
+                        f"{n} {1000 * one.value:.0f} mm" for n, one in leg.dimensions.items()
+                    ),
+                    leg.status,
+                )
+                for k, leg in enumerate(model.legs)
+            ],
+        )
+    yield "<h2>Stops</h2>"
+    yield _table(
+        ("stop", "x, y in m", "heading", "sigma", "used"),
+        [
+            (
+                k,
+                f"{one.map_from_base.x:.3f}, {one.map_from_base.y:.3f}",
+                f"{math.degrees(one.map_from_base.yaw):.1f}°",
+                "none" if one.sigma is None else f"{1000 * one.sigma.xy:.1f} mm",
+                "yes" if one.used else one.reason or "no",
+            )
+            for k, one in enumerate(model.snapshots[:MOST_ROWS])
+        ],
+    )
+    yield f"<h2>Warnings ({len(model.warnings)})</h2>"
+    if model.warnings:
+        yield _table(
+            ("code", "message"),
+            [(one.code, one.message) for one in model.warnings[:MOST_ROWS]],
+        )
+
+
+def _beside(others: Sequence[OtherTable]) -> Iterable[str]:
+    """Write the other tables in a line each: what they are, or why there is no model."""
+    if not others:
+        return
+    yield "<h2>Other tables</h2>"
+    yield _table(
+        ("table", "what it is", "x, y in m", "height", "verdict"),
+        [
+            (f"{one.number:02d}", one.outcome, "", "", "failed")
+            if isinstance(one.outcome, str)
+            else (
+                f"{one.number:02d}",
+                " ".join(
+                    [
+                        one.outcome.surface.shape,
+                        " x ".join(
+                            f"{d.value:.3f}" for d in one.outcome.surface.dimensions.values()
+                        ),
+                    ]
+                ),
+                f"{one.outcome.surface.pose.x:.3f}, {one.outcome.surface.pose.y:.3f}",
+                f"{one.outcome.surface.height.value:.3f} m",
+                one.outcome.verdict.level,
+            )
+            for one in others
+        ],
+    )
+
+
+def _stages_done(manifest: Manifest, last: str, status: str) -> str:
+    rows = [(name, f"{seconds:.2f} s") for name, seconds in manifest.timings.items()]
+    return "<h2>How far it came</h2>" + _table(("stage", "time"), [*rows, (last, status)])
+
+
+def _provenance(manifest: Manifest, status: str) -> str:
+    rows: list[tuple[object, ...]] = [
+        ("recording", manifest.recording.path),
+        ("size", f"{manifest.recording.size} bytes"),
+        ("SHA-256", manifest.recording.sha256 or "not read to its end"),
+        ("run", manifest.run_id),
+        ("status", status),
+        ("started", manifest.started),
+        ("method", manifest.method),
+        ("tables", manifest.tables),
+        ("seed", manifest.seed),
+        ("seconds", ", ".join(f"{name} {s:.2f}" for name, s in manifest.timings.items())),
+        ("versions", ", ".join(f"{name} {v}" for name, v in manifest.versions.items())),
+    ]
+    return "<h2>Where this comes from</h2>" + _table((), rows)
+
+
+def _reach(points: Sequence[tuple[float, float]]) -> float:
+    return float(np.linalg.norm(np.diff(np.array(points), axis=0), axis=1).sum())
+
+
+def _table(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:
+    lines = ["<table>"]
+    if header:
+        lines.append("<tr>" + "".join(f"<th>{escape(one)}</th>" for one in header) + "</tr>")
+    lines += ["<tr>" + "".join(_cell(str(cell)) for cell in row) + "</tr>" for row in rows]
+    return "\n".join([*lines, "</table>"])
+
+
+def _cell(text: str) -> str:
+    is_status = text in ("measured", "inferred", "unseen", "good", "doubtful", "failed")
+    return f'<td class="{text}">{text}</td>' if is_status else f"<td>{escape(text)}</td>"

@@ -1,0 +1,34 @@
+"""Whether an .rrd is whole, by the word of Rerun's own tool."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+from tablemap.errors import ExternalToolError
+from tablemap.review.viewer.viewer import viewer_environment, viewer_program
+
+MOST_SECONDS = 600
+
+
+def damage_of(file: Path) -> str | None:
+    """Return what `rerun rrd verify` finds wrong with an .rrd, in one line; None if nothing.
+
+    Raises `ExternalToolError` where the tool is missing or does not come to an end.
+    """
+    try:
+        done = subprocess.run(
+            [str(viewer_program()), "rrd", "verify", str(file)],
+            env=viewer_environment(),
+            capture_output=True,
+            text=True,
+            errors="replace",
+            check=False,
+            timeout=MOST_SECONDS,
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise ExternalToolError(f"`rerun rrd verify` cannot be run ({error}): {file}") from error
+    if done.returncode == 0:
+        return None
+    said = [line.strip() for line in (done.stderr + done.stdout).splitlines() if line.strip()]
+    return said[-1] if said else f"`rerun rrd verify` ended with {done.returncode}"

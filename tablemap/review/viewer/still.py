@@ -1,0 +1,159 @@
+"""A picture of a review without a screen: the viewer draws in software, and is asked for it."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import PIL.Image
+from rerun.experimental import ViewerClient
+
+from tablemap.errors import ExternalToolError, TablemapError
+from tablemap.review.viewer.viewer import (
+    LOOPBACK,
+    free_port,
+    launch,
+    whole,
+)
+
+TABS = (
+    "Overview",
+    "Views",
+    "Odometry",
+    "Registration",
+    "Pairs",
+    "Surface",
+    "Legs",
+    "Timings",
+)
+TIMELINES = {"Odometry": "sensor_time", "Pairs": "iteration"}
+"""Where a tab's story is told; elsewhere it is over the snapshots."""
+LOAD_SECONDS = 90.0
+MOST_PICTURES = 15
+TRIES = 6
+
+
+def still(
+    path: Path, out: Path, *, tab: str = "Overview", size: tuple[int, int] = (1000, 700)
+) -> list[str]:
+    """Write a PNG of one tab (or of a tab within one) of a run folder's .rrd, at its end.
+
+    Returns what the views report as errors, one line each. Raises `ExternalToolError` where the
+    viewer is missing or cannot draw (it needs a Vulkan driver, such as Debian's
+    ``mesa-vulkan-drivers``), and `TablemapError` for an unknown tab or a missing file.
+    """
+    with whole(path) as file, _headless(file, size) as client:
+        _show_tab(client, tab)
+        _show_end(client, TIMELINES.get(tab, "snapshot"))
+        previous = b""
+        for _ in range(MOST_PICTURES):
+            picture = _shoot(client)
+            digest = hashlib.sha256(picture).digest()
+            if digest == previous:
+                break
+            previous = digest
+            time.sleep(0.4)
+        out.write_bytes(_smaller(picture))
+        views = client.get_state().views
+    return [f"{view.name}: {report.summary}" for view in views for report in view.reports]
+
+
+def _smaller(picture: bytes) -> bytes:
+    """Return a PNG in 256 colours: a third of the size, and hardly to be told apart."""
+    with PIL.Image.open(io.BytesIO(picture)) as image:
+        few = image.convert("RGB").quantize(256, dither=PIL.Image.Dither.NONE)
+        buffer = io.BytesIO()
+        few.save(buffer, format="PNG", optimize=True)
+    return buffer.getvalue()
+
+
+@contextmanager
+def _headless(file: Path, size: tuple[int, int]) -> Iterator[ViewerClient]:
+    port = free_port()
+    window = ["--headless", "--window-size", f"{size[0]}x{size[1]}", "--hide-welcome-screen"]
+    viewer = launch(*window, "--bind", LOOPBACK, "--port", str(port), str(file))
+    try:
+        yield _connected(viewer, port, file)
+    finally:
+        if viewer.poll() is None:
+            os.killpg(viewer.pid, signal.SIGTERM)
+        viewer.wait()
+
+
+def _connected(viewer: subprocess.Popen[bytes], port: int, file: Path) -> ViewerClient:
+    deadline = time.monotonic() + LOAD_SECONDS
+    while time.monotonic() < deadline:
+        if viewer.poll() is not None:
+            raise ExternalToolError(
+                "the Rerun Viewer ended before it drew anything; it needs a Vulkan driver "
+                "(on Debian: apt-get install mesa-vulkan-drivers)."
+            )
+        try:
+            client = ViewerClient.connect(f"rerun+http://{LOOPBACK}:{port}/proxy")
+            state = client.get_state()
+            if state.recordings and not state.loading:
+                return client
+        except (ConnectionError, TimeoutError, RuntimeError):
+            pass  # not listening yet
+        time.sleep(0.2)
+    raise ExternalToolError(
+        f"the Rerun Viewer did not load the file in {LOAD_SECONDS:.0f} s: {file}"
+    )
+
+
+def _show_tab(client: ViewerClient, tab: str) -> None:
+    """Bring the container or view of that name to the front of every row of tabs above it."""
+    whole: dict[str, Any] = client.get_blueprint().blueprint
+    names: dict[str, str] = {}
+    containers: dict[str, dict[str, Any]] = {}
+    for path, archetypes in whole.items():
+        for kind in ("ContainerBlueprint", "ViewBlueprint"):
+            if kind in archetypes:
+                names[archetypes[kind].get("display_name", "")] = path.lstrip("/")
+                if kind == "ContainerBlueprint":
+                    containers[path.lstrip("/")] = archetypes[kind]
+    if tab not in names:
+        there = ", ".join(one for one in (*TABS, "Tables") if one in names)
+        raise TablemapError(f"expected one of this run's tabs {there}, found {tab!r}.")
+    child: str | None = names[tab]
+    while child is not None:
+        parent = next((p for p, c in containers.items() if child in c.get("contents", ())), None)
+        if parent is not None and containers[parent].get("container_kind") == "Tabs":
+            containers[parent]["active_tab"] = child
+        child = parent
+    client.set_blueprint(whole, of="recording")
+
+
+def _show_end(client: ViewerClient, name: str) -> None:
+    state = client.get_state()
+    for recording in state.recordings:
+        if recording.store_id != state.active_recording:
+            continue
+        for timeline in recording.timelines:
+            if timeline.name != name or timeline.end is None:
+                continue
+            if timeline.time_type == "timestamp":
+                end = np.datetime64(timeline.end, "ns")
+                client.set_time(name, timestamp=end, play_state="paused")
+            else:
+                client.set_time(name, sequence=timeline.end, play_state="paused")
+
+
+def _shoot(client: ViewerClient) -> bytes:
+    for attempt in range(TRIES):
+        try:
+            return client.take_screenshot()
+        except (ConnectionError, TimeoutError, RuntimeError) as error:
+            if attempt == TRIES - 1:
+                raise ExternalToolError(f"the Rerun Viewer cannot draw: {error}") from error
+            time.sleep(1.0)
+    raise AssertionError("unreachable")

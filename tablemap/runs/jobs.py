@@ -1,0 +1,147 @@
+"""Which recordings, how each is processed, and what is done already."""
+
+from __future__ import annotations
+
+import glob
+from collections.abc import Callable, Collection, Sequence
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tablemap.archive.folder import LEAVE_A_MODEL, RunFolder, load_run, versions
+from tablemap.config import Config, dump_config
+from tablemap.errors import ConfigError, TablemapError
+from tablemap.events import StageStarted
+from tablemap.runs.running import Follow, Method, Outcome, run
+
+if TYPE_CHECKING:
+    from tablemap.pipeline import Tables
+
+TRIES = 2
+"""How often a recording is begun whose workers die."""
+
+Progress = Callable[[Path, StageStarted], None]
+
+
+@dataclass(frozen=True)
+class Job:
+    """How recordings are processed: `tablemap.runs.running.run`'s arguments."""
+
+    output: Path
+    config: Config
+    method: Method = "tablemap"
+    tables: Tables = "best"
+    follow: Follow = nullcontext
+
+    def __call__(self, recording: Path, progress: Callable[[object], None]) -> Outcome:
+        """Process one recording."""
+        return run(
+            recording,
+            output=self.output,
+            config=self.config,
+            method=self.method,
+            tables=self.tables,
+            progress=progress,
+            follow=self.follow,
+        )
+
+
+def expand(arguments: Sequence[str]) -> list[Path]:
+    """Return the recordings that are named: paths, globs and ``@list.txt``, each once.
+
+    A list has a path or glob a line, relative to where one works; blank lines and those that begin
+    with ``#`` count for nothing. A glob that matches nothing stands for itself, as in a shell.
+    Raises `ConfigError` where a list cannot be read.
+    """
+    names: list[str] = []
+    for argument in arguments:
+        if not argument.startswith("@") or Path(argument).exists():
+            names.append(argument)
+            continue
+        try:
+            lines = Path(argument[1:]).read_text(encoding="utf-8").splitlines()
+        except (OSError, UnicodeDecodeError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise ConfigError(
+                f"the list of recordings cannot be read ({reason}): {argument[1:]}"
+            ) from error
+        names += [line.strip() for line in lines if line.strip() and not line.startswith("#")]
+    paths: dict[Path, None] = {}
+    for name in names:
+        matches = [] if Path(name).exists() else sorted(_glob(name))
+        paths.update(dict.fromkeys(map(Path, matches or [name])))
+    return list(paths)
+
+
+def done_already(recording: Path, job: Job) -> RunFolder | None:
+    """Return the newest run that left a model of the same bytes by the same config and versions.
+
+    The recording is read (for its SHA-256) only where all the rest is the same.
+    """
+    from tablemap.recording import sha256
+
+    if not recording.is_file():
+        return None
+    digest = None
+    for held in runs_of(recording, job.output):
+        manifest = held.manifest
+        if (
+            manifest.status not in LEAVE_A_MODEL
+            or (manifest.method, manifest.tables) != (job.method, job.tables)
+            or _comparable(manifest.versions) != _comparable(versions())
+            or manifest.recording.size != recording.stat().st_size
+            or not (held.path / "table.json").is_file()
+            or not _has_text(held.path / "config.toml", dump_config(job.config))
+        ):
+            continue
+        digest = digest or sha256(recording)
+        if manifest.recording.sha256 == digest:
+            return held
+    return None
+
+
+def runs_of(recording: Path, output: Path) -> list[RunFolder]:
+    """Return the runs of recordings of that name, newest first."""
+    found = []
+    for path in sorted((output / recording.stem).glob("*/manifest.json"), reverse=True):
+        if not path.parent.is_symlink():
+            with suppress(TablemapError):  # what cannot be read cannot be what is sought
+                found.append(load_run(path.parent))
+    return found
+
+
+def mark_lost(
+    recording: Path, output: Path, error: str, *, known: Collection[str]
+) -> list[RunFolder]:
+    """Let the runs that dead workers have left behind say so, and return them, newest first.
+
+    ``known`` are the run IDs that were there before the first worker began.
+    """
+    lost = []
+    for left in runs_of(recording, output):
+        manifest = left.manifest
+        if manifest.run_id in known or manifest.recording.path != str(recording.resolve()):
+            continue
+        if manifest.status == "running":
+            with suppress(TablemapError):
+                left.finish("interrupted", error=error)
+        if left.manifest.status in ("running", "interrupted"):
+            lost.append(left)
+    return lost
+
+
+def _glob(pattern: str) -> list[str]:
+    return glob.glob(pattern, recursive=True)  # noqa: PTH207 - Path's takes no absolute pattern
+
+
+def _has_text(file: Path, text: str) -> bool:
+    try:
+        return file.read_text(encoding="utf-8") == text
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def _comparable(found: dict[str, str]) -> dict[str, str]:
+    """Return versions but for the platform: an update of the system is no reason to begin anew."""
+    return {name: version for name, version in found.items() if name != "platform"}

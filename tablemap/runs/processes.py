@@ -1,0 +1,181 @@
+"""Many recordings in processes of this machine.
+
+Each worker is a process of its own that takes one recording at a time. One that dies (killed, out
+of memory, a crash in a library) takes nothing else with it: its recording is tried once more in a
+new one.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from types import FrameType
+
+from tablemap.events import StageStarted
+from tablemap.runs.jobs import TRIES, Job, Progress, mark_lost, runs_of
+from tablemap.runs.running import Outcome
+
+GRACE_SECONDS = 20.0
+SINGLE_THREADED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+
+
+def process_many(
+    recordings: Sequence[Path], job: Job, progress: Progress, *, jobs: int
+) -> Iterator[Outcome]:
+    """Process recordings over at most ``jobs`` processes; yield each outcome as it comes.
+
+    A recording whose worker dies is tried once more, then it has failed. On an interruption the
+    workers are interrupted too, and given time to mark their runs.
+    """
+    for name in SINGLE_THREADED:  # as many processes as cores leave no core for more threads
+        os.environ.setdefault(name, "1")
+    waiting = deque(
+        _Task(recording, known=frozenset(r.manifest.run_id for r in runs_of(recording, job.output)))
+        for recording in recordings
+    )
+    workers = [_Worker(job) for _ in range(min(jobs, len(waiting)))]
+    try:
+        while waiting or any(worker.task for worker in workers):
+            for number, worker in enumerate(workers):
+                if waiting and not worker.task:
+                    if not worker.is_alive():
+                        worker = workers[number] = _Worker(job)
+                    worker.give(waiting.popleft())
+            wait([handle for worker in workers if worker.task for handle in worker.handles])
+            for worker in workers:
+                for said in worker.hear():
+                    if isinstance(said, Outcome):
+                        yield said
+                    elif isinstance(said, StageStarted):
+                        progress(worker.recording, said)
+                if worker.task and not worker.is_alive():
+                    lost = worker.lose()
+                    error = f"its worker died ({worker.end})"
+                    left = mark_lost(lost.recording, job.output, error, known=lost.known)
+                    if lost.tries < TRIES:
+                        waiting.appendleft(lost)
+                    else:
+                        error = f"{error} {TRIES} times; is there enough memory? {lost.recording}"
+                        last = left[0] if left else None
+                        yield Outcome(lost.recording, last, "failed", error, None)
+    finally:
+        for worker in workers:
+            worker.stop()
+        deadline = time.monotonic() + GRACE_SECONDS
+        for worker in workers:
+            worker.join(deadline)
+            if worker.task:
+                lost = worker.lose()
+                mark_lost(lost.recording, job.output, "interrupted", known=lost.known)
+
+
+@dataclass(frozen=True)
+class _Task:
+    """A recording, the runs that it had before, and how often it was begun."""
+
+    recording: Path
+    known: frozenset[str]
+    tries: int = 0
+
+
+class _Worker:
+    """A process that is given recordings one by one, and our end of the pipe to it."""
+
+    def __init__(self, job: Job) -> None:
+        context = get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        self._process: BaseProcess = context.Process(target=_work, args=(theirs, job))
+        self._process.start()
+        theirs.close()
+        self.task: _Task | None = None
+
+    @property
+    def handles(self) -> list[Connection[object, object] | int]:
+        return [self._pipe, self._process.sentinel]
+
+    @property
+    def recording(self) -> Path:
+        if self.task is None:
+            raise RuntimeError("the worker has no recording")
+        return self.task.recording
+
+    @property
+    def end(self) -> str:
+        self._process.join()
+        code = self._process.exitcode or 0
+        return f"signal {-code}" if code < 0 else f"exit code {code}"
+
+    def is_alive(self) -> bool:
+        return self._process.is_alive()
+
+    def give(self, task: _Task) -> None:
+        self.task = replace(task, tries=task.tries + 1)
+        with suppress(OSError):  # it has died meanwhile, as the next look at it will show
+            self._pipe.send(task.recording)
+
+    def hear(self) -> Iterator[object]:
+        """Yield what the worker has said; with its outcome it is free."""
+        try:
+            while self._pipe.poll():
+                said = self._pipe.recv()
+                yield said
+                if isinstance(said, Outcome):
+                    self.task = None
+        except (EOFError, OSError):
+            self._process.join(GRACE_SECONDS)
+
+    def lose(self) -> _Task:
+        if self.task is None:
+            raise RuntimeError("the worker has no recording")
+        lost, self.task = self.task, None
+        return lost
+
+    def stop(self) -> None:
+        """Let an idle worker end; interrupt one that is busy."""
+        if self.task:
+            self._process.terminate()
+        self._pipe.close()
+
+    def join(self, deadline: float) -> None:
+        self._process.join(max(0.1, deadline - time.monotonic()))
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+
+
+def _work(pipe: Connection[object, object], job: Job) -> None:
+    """Process what comes through the pipe until it is closed (in a process of its own)."""
+
+    def interrupt(_signal: int, _frame: FrameType | None) -> None:
+        # Both may come, by the terminal and by our parent; one must not disturb the other's marks.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, interrupt)
+    signal.signal(signal.SIGTERM, interrupt)
+
+    def progress(event: object) -> None:
+        if isinstance(event, StageStarted):
+            pipe.send(event)
+
+    with suppress(KeyboardInterrupt, EOFError, OSError):
+        while True:
+            recording = pipe.recv()
+            if not isinstance(recording, Path):
+                raise TypeError(f"expected a path, found {recording!r}")
+            try:
+                outcome = job(recording, progress)
+            except Exception as error:  # a defect met by one recording must not stop the others
+                sentence = f"this is a defect of tablemap: {type(error).__name__}: {error}"
+                outcome = Outcome(recording, None, "failed", sentence, None)
+            pipe.send(outcome)

@@ -1,0 +1,217 @@
+"""One recording, one run folder: the pipeline with its review, archive and way out of failure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from tablemap.archive.folder import RunFolder, trajectory_tum
+from tablemap.archive.verification import find_input
+from tablemap.config import Config, dump_config, load_config
+from tablemap.errors import RecordingError, TablemapError
+from tablemap.events import Record, RunFailed, StageFinished, StageStarted, ignore
+from tablemap.model import TableModel
+
+if TYPE_CHECKING:
+    from tablemap.pipeline import Processed, Tables
+    from tablemap.review.page.page import Page
+
+Follow = Callable[[Path], AbstractContextManager[object]]
+Method = Literal["tablemap", "report"]
+
+LOSSES = ("recording.truncated", "recording.damaged")
+"""Warnings that make a run ``partial``: not all of the recording could be read."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended. ``run`` is None where there was no file to make a run of."""
+
+    recording: Path
+    run: RunFolder | None
+    status: Literal["ok", "partial", "failed"]
+    error: str | None
+    model: TableModel | None
+
+
+def run(
+    recording_path: Path,
+    *,
+    output: Path,
+    config: Config,
+    method: Method = "tablemap",
+    tables: Tables = "best",
+    progress: Record = ignore,
+    follow: Follow = nullcontext,
+) -> Outcome:
+    """Process a recording into a new run folder under ``output``.
+
+    ``follow`` is given the path of ``run.rrd`` before it is written, and left after. What is wrong
+    with the recording, the disk or the permissions ends in a failed `Outcome`; the folder keeps
+    ``run.rrd``, ``report.html`` and ``manifest.json``, and has no ``table.json``. An interruption
+    or a defect of the program marks the folder and is raised again.
+    """
+    try:
+        if not recording_path.exists():
+            raise RecordingError(f"there is no such file: {recording_path}")
+        if not recording_path.is_file():
+            raise RecordingError(f"expected an MCAP file, found a directory: {recording_path}")
+        folder = RunFolder.create(
+            output, recording_path, method=method, tables=tables, config=config
+        )
+    except TablemapError as error:
+        return Outcome(recording_path, None, "failed", str(error), None)
+
+    from tablemap.recording import sha256
+    from tablemap.review.page.page import Page
+
+    page = Page()
+    stages = _Stages()
+    with ThreadPoolExecutor(1, thread_name_prefix="sha256") as hashing:
+        digest = hashing.submit(sha256, recording_path)
+        try:
+            processed = _process_reviewed(
+                recording_path,
+                folder,
+                config,
+                _method(method),
+                tables,
+                stages,
+                page,
+                progress,
+                follow,
+            )
+            entry = folder.manifest.recording.model_copy(update={"sha256": digest.result()})
+            folder.update(recording=entry, timings=stages.seconds)
+            folder.write("trajectory.tum", trajectory_tum(processed.trajectory))
+            folder.write("table.json", processed.model.to_json())
+            for other in processed.others:
+                if isinstance(other.outcome, TableModel):
+                    folder.write(f"tables/{other.number:02d}.json", other.outcome.to_json())
+            lost = [w.message for w in processed.model.warnings if w.code in LOSSES]
+            status: Literal["ok", "partial"] = "partial" if lost else "ok"
+            loss = lost[0] if lost else None
+            html = page.html(folder.manifest, status=status, error=loss)
+            folder.write("report.html", html)
+            folder.finish(status, error=loss)
+        except (TablemapError, OSError) as error:
+            with suppress(TablemapError, OSError):
+                entry = folder.manifest.recording.model_copy(update={"sha256": digest.result()})
+                folder.update(recording=entry)
+            _leave(folder, page, stages, "failed", str(error))
+            return Outcome(recording_path, folder, "failed", str(error), None)
+        except KeyboardInterrupt:
+            _leave(folder, page, stages, "interrupted", f"interrupted during {stages.current}")
+            raise
+        except BaseException as error:
+            _leave(folder, page, stages, "failed", f"{type(error).__name__}: {error}")
+            raise
+    return Outcome(recording_path, folder, status, folder.manifest.error, processed.model)
+
+
+def reprocess(
+    folder: RunFolder,
+    *,
+    output: Path | None = None,
+    overrides: Sequence[str] = (),
+    progress: Record = ignore,
+) -> Outcome:
+    """Process a run's recording again with its config and ``section.key=value`` changes.
+
+    The new run stands beside the old one unless ``output`` names another folder of runs. Raises
+    `RecordingError` where the recording is gone or no longer the one that was read, and
+    `ConfigError` for changes that cannot be.
+    """
+    manifest = folder.manifest
+    return run(
+        find_input(folder),
+        output=output or folder.path.parent.parent,
+        config=load_config(folder.path / "config.toml", overrides=overrides),
+        method="report" if manifest.method == "report" else "tablemap",
+        tables=manifest.tables,
+        progress=progress,
+    )
+
+
+def _leave(
+    folder: RunFolder,
+    page: Page,
+    stages: _Stages,
+    status: Literal["failed", "interrupted"],
+    error: str,
+) -> None:
+    """Leave a folder whose run did not come to its end, with its page and how it ended."""
+    with suppress(Exception):  # a full disk, or the page itself, may be what the run failed of
+        folder.update(timings=stages.seconds)
+        folder.write("report.html", page.html(folder.manifest, status=status, error=error))
+    with suppress(TablemapError):  # then the manifest still says that it runs
+        folder.finish(status, error=error)
+
+
+def _process_reviewed(
+    recording_path: Path,
+    folder: RunFolder,
+    config: Config,
+    process: Callable[..., Processed],
+    tables: Tables,
+    stages: _Stages,
+    page: Record,
+    progress: Record,
+    follow: Follow,
+) -> Processed:
+    """Open and process a recording while everything that happens is written to ``run.rrd``."""
+    from tablemap.recording import open_recording
+    from tablemap.review import Reviewer
+
+    folder.write("config.toml", dump_config(config))
+    file = folder.path / "run.rrd"
+    with (
+        follow(file),
+        Reviewer(
+            file,
+            run_id=folder.manifest.run_id,
+            recording_name=recording_path.stem,
+            config=config.review,
+        ) as review,
+    ):
+
+        def record(event: object) -> None:
+            for observe in (stages, page, progress, review):
+                observe(event)
+
+        try:
+            recording = open_recording(recording_path, topics=config.topics)
+            record(recording)
+            return process(recording, config=config, tables=tables, record=record)
+        except BaseException as error:
+            with suppress(TablemapError):  # where the review itself is what failed
+                record(RunFailed(stages.current, str(error) or type(error).__name__))
+            raise
+
+
+class _Stages:
+    """Keeps which stage a run is in, and how long each took."""
+
+    def __init__(self) -> None:
+        self.current = "recording"
+        self.seconds: dict[str, float] = {}
+
+    def __call__(self, event: object) -> None:
+        if isinstance(event, StageStarted):
+            self.current = event.name
+        elif isinstance(event, StageFinished):
+            self.seconds[event.name] = round(self.seconds.get(event.name, 0.0) + event.seconds, 4)
+
+
+def _method(method: Method) -> Callable[..., Processed]:
+    if method == "report":
+        from tablemap.baseline.method import process as process_as_reported
+
+        return process_as_reported
+    from tablemap.pipeline import process
+
+    return process

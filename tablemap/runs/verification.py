@@ -1,0 +1,61 @@
+"""Whether a run is whole: its files, their contents, its review and its recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from tablemap.archive.folder import LEAVE_A_MODEL, RunFolder
+from tablemap.archive.verification import Check, check_files, find_input, input_path
+from tablemap.errors import RecordingError, TablemapError
+from tablemap.model import TableModel
+
+
+def verify(run: RunFolder) -> list[Check]:
+    """Check the files' hashes and contents, the .rrd, and the input where it can be found."""
+    return [*check_files(run), *_check_contents(run), _check_review(run), _check_input(run)]
+
+
+def _check_contents(run: RunFolder) -> Iterator[Check]:
+    """Read what has a schema."""
+    model = run.path / "table.json"
+    if run.manifest.status in LEAVE_A_MODEL and not model.is_file():
+        yield Check("model", "missing", f"the run is {run.manifest.status} and has no table.json")
+    for file in (model, *sorted(run.path.glob("tables/*.json"))):
+        if file.is_file():
+            name = f"schema of {file.relative_to(run.path).as_posix()}"
+            try:
+                TableModel.load(file)
+                yield Check(name, "ok")
+            except TablemapError as error:
+                yield Check(name, "damaged", str(error))
+    try:
+        _ = run.config
+        yield Check("settings", "ok")
+    except TablemapError as error:
+        yield Check("settings", "damaged", str(error))
+
+
+def _check_review(run: RunFolder) -> Check:
+    from tablemap.review.viewer.checking import damage_of
+
+    file = run.path / "run.rrd"
+    if not file.is_file():
+        return Check("review", "missing", "there is no run.rrd")
+    try:
+        damage = damage_of(file)
+    except TablemapError as error:
+        return Check("review", "unchecked", str(error))
+    return Check("review", "damaged", damage) if damage else Check("review", "ok")
+
+
+def _check_input(run: RunFolder) -> Check:
+    file = input_path(run)
+    if not file.is_file():
+        return Check("recording", "unchecked", f"it is not here: {file}")
+    try:
+        find_input(run)
+    except RecordingError as error:
+        return Check("recording", "changed", str(error))
+    if run.manifest.recording.sha256 is None:
+        return Check("recording", "unchecked", f"its size alone is known: {file}")
+    return Check("recording", "ok", str(file))

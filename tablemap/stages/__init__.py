@@ -1,0 +1,1 @@
+"""The stages of the method, one folder each; their order is `tablemap.pipeline`."""

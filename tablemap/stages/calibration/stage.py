@@ -1,0 +1,250 @@
+"""From snapshots to corrected ones: tilt, scale, height, and the focal length where it shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tablemap.config import CalibrationConfig
+from tablemap.errors import ProcessWarning
+from tablemap.geometry import Floats
+from tablemap.stages.calibration.fit import COMMON, fit_axes, fit_floor, views_apart
+from tablemap.stages.calibration.floor import Floor, collect_floor, correction, residuals
+from tablemap.stages.calibration.focal import FocalLength, estimate_focal, with_focal
+from tablemap.stages.calibration.level import floor_level, lowered
+from tablemap.stages.snapshots import Snapshot
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """What the floor of all views says about the camera.
+
+    ``roll`` and ``pitch`` (radians, about the base's x and y axes) and ``depth_scale`` (factor on
+    every depth) turn the recorded camera into the corrected one; ``covariance`` (3, 3) is theirs,
+    in that order, priors included. Where the camera errs with a head that turns, they are
+    about the head's axes. ``height_correction`` (metres) lifts the camera where the floor
+    lies beside z = 0. ``floor_rms_before`` and ``floor_rms_after`` are the floor's residuals in
+    metres.
+    ``snapshots`` are the corrected ones, in the order given. ``depth_offset`` (metres, added after
+    the scale) is fitted only to depth published in coarse steps, whose rounding is unknown.
+    ``joint_covariance`` (5, 5) goes on with the height correction, which the floor ties to the
+    scale, and the offset. ``by_view`` has, by snapshot index, roll, pitch and height (3,) on top of
+    the common ones, where the views' floors disagreed. ``focal`` is the focal length that the floor
+    asks for, where views tilted differently enough show it; the corrected snapshots have it only
+    where the evidence is clear. ``floor_z`` (metres) is the floor in the fixed frame; the corrected
+    snapshots count z from it.
+    """
+
+    roll: float
+    pitch: float
+    depth_scale: float
+    height_correction: float
+    covariance: Floats
+    floor_pixels: int
+    floor_rms_before: float
+    floor_rms_after: float
+    snapshots: tuple[Snapshot, ...]
+    warnings: tuple[ProcessWarning, ...]
+    joint_covariance: Floats
+    by_view: dict[int, Floats]
+    depth_offset: float
+    focal: FocalLength | None = None
+    floor_z: float = 0.0
+
+    def top_covariance(self, height: float) -> Floats:
+        """Return what the camera leaves unknown of a level top: (3, 3), of its height above the
+        floor in metres, of how far it is from the camera as a share of that, and of the camera's
+        own height in metres.
+
+        A point at that height below a camera at height c has z = c + h + s (z - c): its error is
+        that of h plus (z - c) times that of s, plus what an offset along the ray does.
+        """
+        if not self.snapshots:
+            return np.zeros((3, 3))
+        camera = float(np.median([s.base_from_camera[2, 3] for s in self.snapshots]))
+        axis = float(np.median([s.base_from_camera[2, 2] for s in self.snapshots]))
+        drop = min(height - camera, -0.1)
+        gradient = np.array(
+            [
+                [0.0, 0.0, drop, 1.0, axis],
+                [0.0, 0.0, 1.0, 0.0, axis / drop],
+                [0.0, 0.0, 0.0, 1.0, 0.0],
+            ]
+        )
+        result: Floats = gradient @ self.joint_covariance @ gradient.T
+        return result
+
+    def height_sigma(self, height: float) -> float:
+        """Return what the camera leaves unknown of a height above the floor, in metres."""
+        return float(np.sqrt(self.top_covariance(height)[0, 0]))
+
+
+def calibrate(snapshots: tuple[Snapshot, ...], *, config: CalibrationConfig) -> Calibration:
+    """Fit camera tilt and depth scale to the floor pixels of all views.
+
+    A robust Gauss-Newton fit of z = 0 with priors. On a flat floor seen from one height the scale
+    and the camera's height in TF cannot be told apart: the priors share the offset out, and the
+    covariance keeps what they leave open. Where the views' floors disagree (a camera held by hand)
+    each view also gets a small tilt and height of its own. A focal length that is clearly wrong is
+    corrected first, as it would pass for a tilt and a scale. A floor that is not near z = 0, or
+    that is so only with an implausible scale, is looked for at other heights.
+    """
+    floor = collect_floor(snapshots, config)
+    result = _calibrate(snapshots, floor, config)
+    missed = floor is None or floor.pixels < config.least_floor_pixels
+    if not missed and abs(result.depth_scale - 1) <= config.plausible_scale:
+        return result
+    level = floor_level(snapshots)
+    if level is None or abs(level) < (config.floor_band if missed else config.least_level):
+        return result
+    found = _at_level(snapshots, level, config)
+    doubted = any(w.code == "accuracy.calibration" for w in found.warnings)
+    return result if doubted and not missed else found
+
+
+def _at_level(
+    snapshots: tuple[Snapshot, ...], level: float, config: CalibrationConfig
+) -> Calibration:
+    """Calibrate with z counted from the level where the floor was found, and say so.
+
+    Only a floor at the base's own origin confirms the camera's height over it.
+    """
+    base = float(np.median([snapshot.base_z for snapshot in snapshots]))
+    if abs(level - base) > config.least_level:
+        config = config.model_copy(update={"camera_height_sigma": config.level_sigma})
+    else:
+        level = base
+    snapshots = tuple(lowered(snapshot, level) for snapshot in snapshots)
+    result = _calibrate(snapshots, collect_floor(snapshots, config), config)
+    warning = ProcessWarning(
+        "calibration.floor_level",
+        "calibration",
+        f"the floor lies at z = {level:+.3f} m of the fixed frame, not at 0: heights count from it",
+    )
+    return replace(result, floor_z=level, warnings=(warning, *result.warnings))
+
+
+def _calibrate(
+    snapshots: tuple[Snapshot, ...], floor: Floor | None, config: CalibrationConfig
+) -> Calibration:
+    step = 0.0 if floor is None else floor.step
+    prior = np.array(
+        [np.deg2rad(config.tilt_sigma_deg)] * 2
+        + [config.scale_sigma, _height_sigma(snapshots, config), max(step / np.sqrt(12), 1e-6)]
+    )
+    if floor is None or floor.pixels < config.least_floor_pixels:
+        pixels = 0 if floor is None else floor.pixels
+        warning = ProcessWarning(
+            "calibration.no_floor",
+            "calibration",
+            f"{pixels} floor pixels were seen in {len(snapshots)} views, "
+            f"{config.least_floor_pixels} are needed: the camera's tilt and scale were left as "
+            "recorded",
+        )
+        return _result(snapshots, np.zeros(5), np.diag(prior**2), {}, floor, (warning,))
+    floor, common, covariance = fit_axes(floor, prior, len(snapshots))
+    focal = estimate_focal(snapshots, floor, common, prior, config)
+    warnings = []
+    if focal is not None and focal.applied:
+        snapshots = with_focal(snapshots, focal.scale)
+        floor = collect_floor(snapshots, config) or floor
+        floor, common, covariance = fit_axes(floor, prior, len(snapshots))
+        warnings.append(_focal_warning(focal))
+    by_view: dict[int, Floats] = {}
+    able, scatter = views_apart(floor, common, len(snapshots))
+    if scatter > config.view_scatter:
+        tilt = np.deg2rad(config.view_tilt_sigma_deg)
+        view_prior = np.array([tilt, tilt, config.view_height_sigma])
+        common, own, covariance = fit_floor(floor, prior, (view_prior, able), len(snapshots))
+        by_view = {s.index: own[i] for i, s in enumerate(snapshots)}
+    warnings += _doubts(common, covariance, config)
+    result = _result(snapshots, common, covariance, by_view, floor, tuple(warnings))
+    return replace(result, focal=focal)
+
+
+def _height_sigma(snapshots: tuple[Snapshot, ...], config: CalibrationConfig) -> float:
+    """Return how well the camera's height is known before the floor is seen.
+
+    A robot's head pans and nods on a mounting that was measured; a camera whose image rolls from
+    view to view is held by a hand, and its height is only as good as what tracks it.
+    """
+    rolls = np.arcsin([np.clip(s.base_from_camera[2, 0], -1.0, 1.0) for s in snapshots])
+    if len(rolls) > 1 and float(np.std(rolls)) > np.deg2rad(config.held_roll_deg):
+        return config.held_height_sigma
+    return config.camera_height_sigma
+
+
+def _focal_warning(focal: FocalLength) -> ProcessWarning:
+    return ProcessWarning(
+        "calibration.focal_length",
+        "calibration",
+        f"the floor, seen under {focal.tilts} tilts, asks for {focal.scale:.3f} times the recorded "
+        f"focal length (sigma {focal.sigma:.3f}); it was corrected: check the camera's calibration",
+    )
+
+
+def _doubts(common: Floats, covariance: Floats, config: CalibrationConfig) -> list[ProcessWarning]:
+    roll, pitch = np.rad2deg(common[0]), np.rad2deg(common[1])
+    doubts = []
+    if max(abs(roll), abs(pitch)) > config.plausible_tilt_deg:
+        doubts.append(f"a roll of {roll:+.2f} and a pitch of {pitch:+.2f} degrees")
+    if abs(common[2]) > config.plausible_scale:
+        doubts.append(
+            f"a depth scale of {1 + common[2]:.3f} (sigma {np.sqrt(covariance[2, 2]):.3f})"
+        )
+    return [
+        ProcessWarning(
+            "accuracy.calibration",
+            "calibration",
+            f"The floor asks for {doubt}: check the camera's mounting in TF and its calibration",
+        )
+        for doubt in doubts
+    ]
+
+
+def _result(
+    snapshots: tuple[Snapshot, ...],
+    common: Floats,
+    covariance: Floats,
+    by_view: dict[int, Floats],
+    floor: Floor | None,
+    warnings: tuple[ProcessWarning, ...],
+) -> Calibration:
+    own = np.array([by_view.get(s.index, np.zeros(3)) for s in snapshots]).reshape(-1, 3)
+    before = after = 0.0
+    if floor is not None:
+        first = residuals(floor, np.zeros(COMMON), np.zeros_like(own))
+        last = residuals(floor, common, own)
+        counted = np.abs(last) < np.maximum(3 * floor.sigma, 0.01)
+        if counted.any():
+            before = float(np.sqrt(np.mean(first[counted] ** 2)))
+            after = float(np.sqrt(np.mean(last[counted] ** 2)))
+    scale = 1 + float(common[2])
+    corrected = []
+    turns = np.zeros(len(snapshots)) if floor is None else floor.turns
+    for snapshot, mine, turn in zip(snapshots, own, turns, strict=True):
+        rotation, lift = correction(common, mine, float(turn))
+        mount = snapshot.base_from_camera.copy()
+        mount[:3, :3] = rotation @ mount[:3, :3]
+        mount[2, 3] += lift
+        better = snapshot.corrected(base_from_camera=mount, depth_scale=scale)
+        if abs(common[4]) > 1e-5:
+            depth = (better.depth + np.float32(common[4])).astype(np.float32)
+            better = replace(better, depth=depth)
+        corrected.append(better)
+    return Calibration(
+        roll=float(common[0]),
+        pitch=float(common[1]),
+        depth_scale=scale,
+        height_correction=float(common[3]),
+        covariance=covariance[:3, :3],
+        floor_pixels=0 if floor is None else floor.pixels,
+        floor_rms_before=before,
+        floor_rms_after=after,
+        snapshots=tuple(corrected),
+        warnings=warnings,
+        joint_covariance=covariance,
+        by_view=by_view,
+        depth_offset=float(common[4]),
+    )

@@ -1,0 +1,111 @@
+"""The camera's offset and the laser's scale from all comparisons together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tablemap.config import CrossCheckConfig
+from tablemap.geometry import Floats
+from tablemap.stages.crosscheck.rows import Rows
+
+ASKED = 4
+"""Forward, left, yaw of the camera in the base, and the laser's scale: the first unknowns."""
+
+_SETTLES = 12
+_TUKEY = 9.0  # squared sigmas at which a row has a quarter of its weight
+_FREEDOM = 0.05  # metres: the outline is nearly free
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """The asked unknowns (4,) with their ``covariance`` (4, 4), the assumed spread included.
+
+    ``scale`` is negative where the laser's ranges are too long: it is what mends them.
+    """
+
+    asked: Floats
+    covariance: Floats
+
+
+def prior_sigmas(config: CrossCheckConfig) -> Floats:
+    """Return (4,) standard deviations of the asked unknowns that are let in."""
+    offset = config.offset_sigma
+    return np.array([offset, offset, config.yaw_sigma, config.range_scale_sigma])
+
+
+def solve(
+    rows: Rows, pose_covariance: Floats, far_bias_sigma: float, config: CrossCheckConfig
+) -> Solution:
+    """Robust least squares over offset, scales, shared biases, freedoms and poses.
+
+    ``pose_covariance`` (3n, 3n) is the registration's; ``far_bias_sigma`` (metres) what far edges
+    may share.
+    """
+    present = np.unique(rows.view).astype(np.int64)
+    design = _design(rows, present)
+    is_leg = rows.is_leg > 0
+    # Legs' freedoms come in their sigmas, the outline's in metres and radians.
+    freedom = np.where(np.abs(rows.basis[is_leg]).sum(axis=0) > 0, 1.0, _FREEDOM)
+    sigma = np.concatenate(
+        [
+            prior_sigmas(config),
+            [config.scale_sigma, config.bias_sigma, far_bias_sigma],
+            [config.silhouette_width_px, config.silhouette_middle_px, config.bias_sigma],
+            freedom,
+        ]
+    )
+    shared = len(sigma)
+    prior = np.zeros((design.shape[1],) * 2)
+    prior[:shared, :shared] = np.diag(sigma**-2.0)
+    at = (3 * present[:, None] + np.arange(3)).ravel()
+    poses = pose_covariance[np.ix_(at, at)] + 1e-8 * np.eye(len(at))
+    prior[shared:, shared:] = np.linalg.inv(poses)
+
+    state: Floats = np.zeros(design.shape[1], dtype=np.float64)
+    information: Floats = np.asarray(prior, dtype=np.float64)
+    for _ in range(_SETTLES):
+        squared = (rows.distance + design @ state) ** 2 / rows.variance
+        scatter = np.ones(len(rows))
+        for kind in (is_leg, ~is_leg):
+            if kind.any():
+                # The median of a chi-square with one degree of freedom is 0.455.
+                scatter[kind] = max(1.0, float(np.median(squared[kind])) / 0.455)
+        weight = 1.0 / (rows.variance * scatter * (1.0 + squared / (_TUKEY * scatter)) ** 2)
+        information = np.asarray(prior + (design.T * weight) @ design, dtype=np.float64)
+        pull = design.T @ (weight * rows.distance)
+        following = np.asarray(np.linalg.solve(information, -pull), dtype=np.float64)
+        settled = float(np.abs(following - state)[:2].max()) < 1e-6
+        state = following
+        if settled:
+            break
+    covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
+    return Solution(state[:ASKED], covariance[:ASKED, :ASKED])
+
+
+def _design(rows: Rows, present: np.ndarray) -> Floats:
+    """Return (n, ...) slopes: what is asked, depth scale, biases, freedoms, poses by view."""
+    forward = np.column_stack([np.cos(rows.yaw), np.sin(rows.yaw)])
+    left = np.column_stack([-forward[:, 1], forward[:, 0]])
+    normal = rows.normal
+
+    def along(vectors: Floats) -> Floats:
+        return np.asarray(np.einsum("ij,ij->i", normal, vectors))
+
+    def turned(arm: Floats) -> Floats:
+        return np.asarray(normal[:, 1] * arm[:, 0] - normal[:, 0] * arm[:, 1])
+
+    shared = [
+        along(forward),
+        along(left),
+        turned(rows.ray),
+        along(rows.stretch),
+        along(rows.ray),
+    ]
+    slot = np.searchsorted(present, rows.view)
+    own = np.zeros((len(rows), 3 * len(present)))
+    at = np.arange(len(rows))
+    own[at, 3 * slot], own[at, 3 * slot + 1] = normal[:, 0], normal[:, 1]
+    own[at, 3 * slot + 2] = turned(rows.arm)
+    return np.column_stack([*shared, rows.bias, rows.basis, own])

@@ -1,0 +1,180 @@
+"""Camera against laser: what both see shows how far the one sits beside the other.
+
+The laser places the robot, the camera sees the table. Where the camera is mounted beside where the
+recorded frames have it (or the laser is), an edge of the top seen from one side and from the other
+comes to lie in two places, and the legs stand elsewhere for the camera than for the laser. No
+residual of the registration shows that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tablemap.config import CrossCheckConfig
+from tablemap.errors import ProcessWarning
+from tablemap.geometry import Floats
+from tablemap.stages.crosscheck.edges import edge_rows
+from tablemap.stages.crosscheck.result import CrossCheck, Estimate
+from tablemap.stages.crosscheck.rows import Rows, together
+from tablemap.stages.crosscheck.sightings import leg_rows
+from tablemap.stages.crosscheck.solve import Solution, prior_sigmas, solve
+from tablemap.stages.legs import Leg
+from tablemap.stages.outline import Outline
+from tablemap.stages.registration import Registration
+from tablemap.stages.snapshots import Snapshot, turned_left
+from tablemap.stages.surface import Surface
+
+
+@dataclass(frozen=True)
+class _Arms:
+    """Metres from the camera ahead to the table, and from the base to it: the views' medians."""
+
+    ahead: float
+    reach: float
+
+    def at_table(self, solution: Solution) -> tuple[Floats, Floats]:
+        """Return what an offset does at the table, forward and leftward, and its sigmas."""
+        effect = np.array([[1.0, 0.0, 0.0, -self.reach], [0.0, 1.0, self.ahead, 0.0]])
+        sigma = np.sqrt(np.diag(effect @ solution.covariance @ effect.T))
+        return effect @ solution.asked, sigma
+
+
+def cross_check(
+    outline: Outline,
+    surface: Surface,
+    registration: Registration,
+    legs: tuple[Leg, ...] = (),
+    snapshots: tuple[Snapshot, ...] = (),
+    *,
+    config: CrossCheckConfig,
+) -> CrossCheck:
+    """Estimate the camera's offset against the laser from edges and legs in all views.
+
+    Without laser poses or enough views around the table there is no result, and no warning; nor
+    where the head turns, for then the offset is not one and the same in the base.
+    """
+    if registration.source != "laser" or _has_turned(snapshots):
+        return _nothing(0, 0, 0)
+    views = [v for v in outline.views if registration.used[v.index]]
+    edges = edge_rows(views, surface, registration, config)
+    if edges is not None and len(np.unique(edges.view)) < config.minimum_views:
+        edges = None
+    sighted, sightings = leg_rows(snapshots, registration, legs, surface.height.value, config)
+    if sighted is not None and sightings < config.minimum_sightings:
+        sighted = None
+    parts = [rows for rows in (edges, sighted) if rows is not None]
+    if not parts:
+        return _nothing(0, len(views), sightings)
+    rows = together(parts)
+    # Where the rim is dull, far edges end early: that looks like a camera too far back.
+    far = float(np.hypot(config.bias_sigma, config.rim_set_back if outline.is_dull else 0.0))
+
+    def solved(rows: Rows) -> Solution:
+        return solve(rows, registration.covariance, far, config)
+
+    arms = _arms(rows)
+    solution = solved(rows)
+    by_edges, by_legs = (
+        None if part is None else Estimate(*arms.at_table(solved(part)))
+        for part in (edges, sighted)
+    )
+    at_table, sigma = arms.at_table(solution)
+    # Two kinds of evidence that disagree are less certain than each says by itself.
+    sigma = sigma * _disagreement(by_edges, by_legs)
+    points = 0 if edges is None else len(edges)
+    count = len(np.unique(rows.view))
+    if sigma.max() > config.largest_sigma:
+        return _nothing(points, count, sightings)
+    size = float(np.hypot(*at_table))
+    found = size > config.threshold and bool(
+        (np.abs(at_table) > np.maximum(config.sigmas * sigma, 0.5 * config.threshold)).any()
+    )
+    scale, scale_sigma = -float(solution.asked[3]), float(np.sqrt(solution.covariance[3, 3]))
+    told = scale_sigma < 0.5 * config.range_scale_sigma
+    return CrossCheck(
+        offset=solution.asked[:3],
+        covariance=solution.covariance[:3, :3],
+        at_table=at_table,
+        at_table_sigma=sigma,
+        # Which of the two is off is not known: a half is the laser's, give or take a half.
+        pose_sigma=0.5 * size if found else 0.0,
+        points=points,
+        views=count,
+        warnings=(_warning(at_table, sigma, solution, arms, sightings, told),) if found else (),
+        range_scale=scale if told else None,
+        range_scale_sigma=scale_sigma if told else None,
+        by_edges=by_edges,
+        by_legs=by_legs,
+        excess=_excess(solution, config) if found else 1.0,
+        sightings=sightings,
+    )
+
+
+def _has_turned(snapshots: tuple[Snapshot, ...]) -> bool:
+    mounts = [snapshot.base_from_camera for snapshot in snapshots]
+    return bool(mounts) and bool(turned_left(np.stack(mounts)).any())
+
+
+def _nothing(points: int, views: int, sightings: int) -> CrossCheck:
+    return CrossCheck(None, None, None, None, 0.0, points, views, (), sightings=sightings)
+
+
+def _arms(rows: Rows) -> _Arms:
+    forward = np.column_stack([np.cos(rows.yaw), np.sin(rows.yaw)])
+    return _Arms(
+        ahead=float(np.median(np.einsum("ij,ij->i", rows.ray, forward))),
+        reach=float(np.median(-np.einsum("ij,ij->i", rows.stretch, forward))),
+    )
+
+
+def _disagreement(first: Estimate | None, second: Estimate | None) -> float:
+    """Return how many times further two estimates lie apart than their sigmas say (at least 1)."""
+    if first is None or second is None:
+        return 1.0
+    apart = (first.at_table - second.at_table) ** 2 / (first.sigma**2 + second.sigma**2)
+    return max(1.0, float(np.sqrt(apart.mean())))
+
+
+def _excess(solution: Solution, config: CrossCheckConfig) -> float:
+    """Return how many times larger than assumed mounting and scale errors are (Birge's ratio)."""
+    assumed = np.array([config.mounting_sigma] * 2 + [config.mounting_yaw_sigma, 0.0])
+    assumed[3] = config.range_scale_sigma
+    let_in = np.diag(prior_sigmas(config) ** -2.0)
+    likelihood = np.linalg.inv(solution.covariance) - let_in
+    values, vectors = np.linalg.eigh((likelihood + likelihood.T) / 2)
+    # What the evidence alone says, without the loose prior: its information and its mean.
+    seen = vectors @ np.diag(np.maximum(values, 1e-12)) @ vectors.T
+    mean = np.linalg.solve(seen, np.linalg.solve(solution.covariance, solution.asked))
+    spread = np.linalg.inv(seen) + np.diag(assumed**2)
+    return max(1.0, float(np.sqrt(mean @ np.linalg.solve(spread, mean) / len(mean))))
+
+
+def _warning(
+    at_table: Floats,
+    sigma: Floats,
+    solution: Solution,
+    arms: _Arms,
+    sightings: int,
+    told: bool,
+) -> ProcessWarning:
+    forward, left = 1e3 * at_table
+    seen = "edges and legs" if sightings else "edges"
+    message = (
+        f"camera and laser disagree: seen from different sides, the table's {seen} ask for a "
+        f"camera {abs(forward):.0f} mm further {'forward' if forward > 0 else 'back'} and "
+        f"{abs(left):.0f} mm further {'left' if left > 0 else 'right'} at the table (sigmas "
+        f"{1e3 * sigma[0]:.1f} and {1e3 * sigma[1]:.1f} mm), "
+        f"{abs(np.degrees(solution.asked[2])):.1f} degrees of turning included. TF has the camera "
+        f"or the laser elsewhere than it is"
+    )
+    if told and abs(solution.asked[3]) > 2.0 * np.sqrt(solution.covariance[3, 3]):
+        longer = "long" if solution.asked[3] < 0 else "short"
+        message += (
+            f"; {1e3 * abs(solution.asked[3]):.1f} permil of it are the laser's ranges, too "
+            f"{longer} for the camera's"
+        )
+    elif abs(forward) > 3.0 and abs(forward) / arms.reach < 10.0 and not told:
+        message += f", or the laser's ranges are {abs(forward) / arms.reach:.0f} permil off"
+    return ProcessWarning("crosscheck.mounting", "crosscheck", message + "; calibrate them.")

@@ -1,0 +1,236 @@
+"""What the depth camera saw below the top: whether a thing reaches up to it, and posts in sight."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy import ndimage
+from shapely.geometry import Polygon
+
+from tablemap.config import LegsConfig
+from tablemap.geometry import Floats, Pose2, invert, transform
+from tablemap.stages.legs.evidence import Evidence
+from tablemap.stages.legs.silhouettes import Walls
+from tablemap.stages.snapshots import Snapshot
+
+_STRIDE = 2  # pixels: posts of 3 cm are still 4 columns wide at 2 m
+_CELL = 0.02
+_LAYER = 0.05
+
+
+@dataclass(frozen=True)
+class Reach:
+    """Looks at a thing's upper part (under the top, above a seat): seen there, or seen through."""
+
+    hit: int
+    passed: int
+
+    @property
+    def is_up(self) -> bool:
+        """Say that something stands there."""
+        return self.hit >= 3 and self.hit >= self.passed
+
+    @property
+    def is_free(self) -> bool:
+        """Say that the view through there is open."""
+        return self.passed >= 4 and self.hit <= 0.15 * self.passed
+
+
+@dataclass(frozen=True, eq=False)
+class Post:
+    """Something upright under the top, seen by depth alone: ``points`` (n, 2) in the map."""
+
+    centre: Floats
+    size: float
+    evidence: Evidence
+    points: Floats
+    views: int
+    filled: float
+    reason: str | None
+
+
+def reach(
+    snapshots: tuple[Snapshot, ...],
+    poses: dict[int, Pose2],
+    place: Floats,
+    radius: float,
+    lowest: float,
+    highest: float,
+) -> Reach:
+    """Look up a thing's upper part (``lowest`` to ``highest`` metres) in every depth image.
+
+    One look is a view at one height. Where what is seen goes on to both sides (a wall, a panel),
+    the look says nothing.
+    """
+    heights = np.arange(lowest, highest, 0.04)
+    hits = passes = 0
+    if not len(heights):
+        return Reach(0, 0)
+    for index, map_from_base in poses.items():
+        snapshot = snapshots[index]
+        camera = snapshot.camera
+        base_xy = map_from_base.inverse().apply(place)
+        axis = np.column_stack([np.tile(base_xy, (len(heights), 1)), heights])
+        seen = transform(invert(snapshot.base_from_camera), axis)
+        z = seen[:, 2]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            u = camera.fx * seen[:, 0] / z + camera.cx
+            v = camera.fy * seen[:, 1] / z + camera.cy
+        pixels = camera.fx / np.maximum(z, 0.1)
+        ok = (z > 0.3) & (v >= 0) & (v < camera.height - 1) & (u > 0) & (u < camera.width - 1)
+        if not ok.any():
+            continue
+        aside = np.linspace(-1.0, 1.0, 41) * (radius + 0.10)
+        columns = np.round(u[ok, None] + pixels[ok, None] * aside).astype(np.int64)
+        rows = np.round(v[ok]).astype(np.int64)[:, None]
+        valid = (columns >= 0) & (columns < camera.width)
+        depth = snapshot.depth[rows, np.clip(columns, 0, camera.width - 1)].astype(np.float64)
+        off = np.where(valid & np.isfinite(depth), depth - z[ok, None], np.nan)
+        at = np.abs(off) < radius + 0.04
+        inner, outer = np.abs(aside) < radius + 0.02, np.abs(aside) > radius + 0.05
+        goes_on = at[:, outer & (aside < 0)].any(axis=1) & at[:, outer & (aside > 0)].any(axis=1)
+        core = np.abs(aside) < max(0.7 * radius, 0.006)
+        through = (off[:, core] > radius + 0.08).any(axis=1)
+        hit = at[:, inner].any(axis=1)
+        blocked = (off[:, inner] < -radius - 0.06).any(axis=1)
+        hits += int((hit & ~goes_on).sum())
+        passes += int((through & ~hit & ~blocked).sum())
+    return Reach(hits, passes)
+
+
+def find_posts(
+    snapshots: tuple[Snapshot, ...],
+    poses: dict[int, Pose2],
+    outline: Polygon,
+    height: float,
+    walls: Walls,
+    *,
+    config: LegsConfig,
+) -> list[Post]:
+    """Find upright things under the top that reach from near the floor up to it.
+
+    Looks at pixels inside the outline between 5 cm above the floor and 5 cm under the top; a post
+    is a column of the map whose layers of 5 cm are mostly filled, the upper ones too. What lies on
+    one of the ``walls`` that the laser found is left out.
+    """
+    low, high = 0.05, height - 0.06
+    layers = int((high - low) / _LAYER)
+    if layers < 3 or not poses:
+        return []
+    grown = outline.buffer(config.depth_margin)
+    x0, y0, x1, y1 = grown.bounds
+    shape = (int((x1 - x0) / _CELL) + 2, int((y1 - y0) / _CELL) + 2, layers)
+    counts = np.zeros(shape, dtype=np.int64)
+    by_view: dict[int, Floats] = {}
+    for index, map_from_base in poses.items():
+        snapshot = snapshots[index]
+        rays = snapshot.camera.rays[::_STRIDE, ::_STRIDE]
+        seen = rays * snapshot.depth[::_STRIDE, ::_STRIDE, None]
+        points = transform(snapshot.base_from_camera, seen).reshape(-1, 3)
+        with np.errstate(invalid="ignore"):
+            points = points[(points[:, 2] > low) & (points[:, 2] < low + layers * _LAYER)]
+        points = map_from_base.apply(points)
+        points = points[shapely.contains_xy(grown, points[:, 0], points[:, 1])]
+        for normal, offset in walls:
+            points = points[np.abs(points[:, :2] @ normal - offset) > config.wall_distance]
+        by_view[index] = points
+        cells = ((points - [x0, y0, low]) / [_CELL, _CELL, _LAYER]).astype(np.int64)
+        np.add.at(counts, tuple(cells.T), 1)
+    # A column's neighbours count too: noise spreads a post over them.
+    spread = (
+        ndimage.uniform_filter(counts.astype(np.float64), size=(3, 3, 1), mode="constant") * 9.0
+    )
+    filled = (counts > 0) & (spread >= config.depth_points)
+    share = filled.mean(axis=2)
+    upper = filled[..., layers // 2 :].mean(axis=2)
+    solid = (share >= 0.3) & (upper >= 0.3)
+    labels, count = ndimage.label(solid, structure=np.ones((3, 3)))
+    posts = []
+    for k in range(1, count + 1):
+        own = labels == k
+        cells = np.argwhere(own)
+        centre = np.array([x0, y0]) + (cells.mean(axis=0) + 0.5) * _CELL
+        size = float(np.max(np.ptp(cells, axis=0) + 1) * _CELL)
+        column = filled[own].any(axis=0)
+        posts.append(_post(snapshots, poses, by_view, centre, size, column, config))
+    return [post for post in posts if post is not None]
+
+
+def _post(
+    snapshots: tuple[Snapshot, ...],
+    poses: dict[int, Pose2],
+    by_view: dict[int, Floats],
+    centre: Floats,
+    size: float,
+    column: NDArray[np.bool_],
+    config: LegsConfig,
+) -> Post | None:
+    """Describe one connected column: its silhouette and face in every view that saw it."""
+    normals, points, levers = [], [], []
+    sigmas: list[float] = []
+    groups: list[int] = []
+    hits, rays, rows, hit_levers = [], [], [], []
+    collected: list[Floats] = []
+    for index, cloud in by_view.items():
+        own = cloud[np.linalg.norm(cloud[:, :2] - centre, axis=1) < 0.5 * size + 0.03]
+        if len(own) < config.depth_points:
+            continue
+        base = poses[index]
+        eye = base.apply(snapshots[index].base_from_camera[:2, 3])
+        sight = centre - eye
+        distance = float(np.hypot(*sight))
+        sight = sight / distance
+        left = np.array([-sight[1], sight[0]])
+        aside, along = (own[:, :2] - eye) @ left, (own[:, :2] - eye) @ sight
+        front = float(np.percentile(along, 10))
+        face = np.abs(along - front) < 0.05
+        if face.sum() < config.depth_points:
+            continue
+        lateral = 1.5 * _STRIDE * distance / snapshots[index].camera.fx
+        around_aside, around_along = (cloud[:, :2] - eye) @ left, (cloud[:, :2] - eye) @ sight
+        around = np.abs(around_along - front - 0.025) < 0.075
+        for side in (-1.0, 1.0):
+            edge = float(np.percentile(aside[face] * side, 97))
+            beyond = around_aside[around] * side - edge
+            # What goes on beside it at its depth (a wall close behind) hides where it ends.
+            if ((beyond > 0.01) & (beyond < 0.05)).sum() >= config.depth_points:
+                continue
+            point = eye + sight * (front + 0.01) + left * side * edge
+            normals.append(left * side)
+            points.append(point)
+            sigmas.append(float(np.hypot(lateral, config.depth_sigma)))
+            groups.append(len(collected))
+            levers.append(point - base.translation)
+        face_points = own[face][:: max(1, int(face.sum()) // 100), :2]
+        hits.append(face_points)
+        rays.append(np.tile(sight, (len(face_points), 1)))
+        rows.append(np.full(len(face_points), len(collected)))
+        hit_levers.append(centre - base.translation)
+        collected.append(own[:, :2])
+    if not sigmas:
+        return None
+    evidence = Evidence(
+        normal=np.array(normals),
+        point=np.array(points),
+        range=np.zeros(len(sigmas)),
+        sigma=np.array(sigmas),
+        group=np.array(groups, dtype=np.int64),
+        lever=np.array(levers),
+        hits=np.concatenate(hits),
+        rays=np.concatenate(rays),
+        row=np.concatenate(rows),
+        hit_sigma=np.full(len(collected), config.depth_sigma),
+        hit_group=np.arange(len(collected)),
+        hit_lever=np.array(hit_levers),
+    )
+    filled = float(column.mean())
+    upper = float(column[len(column) // 2 :].mean())
+    reason = None
+    if size > config.largest_depth_leg:
+        reason = f"seen by depth, {100 * size:.0f} cm across: no leg could be told from it"
+    elif filled < 0.6 or upper < 0.6:
+        reason = f"fills {100 * filled:.0f} % of the height under the top: does not carry it"
+    return Post(centre, size, evidence, np.concatenate(collected), len(collected), filled, reason)

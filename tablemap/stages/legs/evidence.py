@@ -1,0 +1,140 @@
+"""What a leg's primitive is fitted to: the tangents and the depths of its segments."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tablemap.config import LegsConfig
+from tablemap.geometry import Floats
+from tablemap.stages.legs.scans import Scans
+from tablemap.stages.legs.silhouettes import Ints, Segments
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What a leg's primitive is fitted to: N tangents and M mean depths of segments.
+
+    A tangent has an outward ``normal`` (N, 2), a ``point`` (N, 2) on it beside the leg, the
+    ``range`` (N,) and a white ``sigma`` (N,) metres. The depths, one a segment, are given by their
+    beams: ``hits`` (P, 2) points, ``rays`` (P, 2) directions and ``row`` (P,), ascending, into the
+    M segments, whose ``hit_sigma`` (M,) is that of the mean. ``group`` and ``hit_group`` share pose
+    errors and ``lever`` and ``hit_lever`` are the place relative to the base, about which a yaw
+    error turns.
+    """
+
+    normal: Floats
+    point: Floats
+    range: Floats
+    sigma: Floats
+    group: Ints
+    lever: Floats
+    hits: Floats
+    rays: Floats
+    row: Ints
+    hit_sigma: Floats
+    hit_group: Ints
+    hit_lever: Floats
+
+    @property
+    def stops(self) -> int:
+        """How many stops and drives saw it."""
+        return len(np.unique(np.concatenate([self.group, self.hit_group])))
+
+
+def thinned(evidence: Evidence, tangents: int) -> Evidence:
+    """Return about as many tangents, evenly chosen, and the depths of as many segments."""
+    keep = np.arange(0, len(evidence.sigma), max(1, len(evidence.sigma) // tangents))
+    rows = np.arange(0, len(evidence.hit_sigma), max(1, len(evidence.hit_sigma) // tangents))
+    index = np.full(len(evidence.hit_sigma), -1)
+    index[rows] = np.arange(len(rows))
+    hits = index[evidence.row] >= 0
+    return Evidence(
+        normal=evidence.normal[keep],
+        point=evidence.point[keep],
+        range=evidence.range[keep],
+        sigma=evidence.sigma[keep],
+        group=evidence.group[keep],
+        lever=evidence.lever[keep],
+        hits=evidence.hits[hits],
+        rays=evidence.rays[hits],
+        row=index[evidence.row[hits]],
+        hit_sigma=evidence.hit_sigma[rows],
+        hit_group=evidence.hit_group[rows],
+        hit_lever=evidence.hit_lever[rows],
+    )
+
+
+def gather_evidence(
+    scans: Scans, points: Floats, chosen: Segments, members: Segments, *, config: LegsConfig
+) -> Evidence:
+    """Turn one leg's segments into tangents and depths.
+
+    ``members`` are all segments that belong to the same thing, ``chosen`` those to be used: an
+    end whose neighbour is another member is no silhouette.
+    """
+    tangents = []
+    beams = scans.ranges.shape[1]
+    stride = beams + 4  # so that a step beyond the last beam is not the next scan's first
+    own = members.view * stride + np.stack([members.first, members.last])
+    for ends, step, is_end in ((chosen.first, -1, chosen.low), (chosen.last, 1, chosen.high)):
+        next_beam = chosen.view * stride + ends + step
+        # At grazing incidence a stray beam lies between two pieces of one face.
+        alone = ~np.isin(next_beam, own) & ~np.isin(next_beam + step, own)
+        keep = is_end & alone & ~chosen.between
+        view, end = chosen.view[keep], ends[keep]
+        inner = scans.ranges[view, end]
+        outer = scans.ranges[view, np.clip(end + step, 0, beams - 1)]
+        further = scans.ranges[view, np.clip(end + 2 * step, 0, beams - 1)]
+        # A wide spot half on the leg measures something between: that beam holds the edge.
+        mixed = np.isfinite(outer) & (outer - inner < 0.6) & ~(further < outer + 0.05)
+        spacing = scans.spacing[view]
+        angle = scans.angles[view, end] + step * np.where(mixed, 1.0, 0.5) * spacing
+        origin = scans.origins[view, end]
+        direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        normal = step * np.stack([-direction[:, 1], direction[:, 0]], axis=1)
+        white = np.hypot(inner * spacing / np.sqrt(12.0), 0.0005) * np.where(mixed, 1.3, 1.0)
+        moving = ~scans.standing[view]
+        white = np.where(
+            moving,
+            np.sqrt(
+                white**2 + config.moving_position_sigma**2 + (inner * config.moving_yaw_sigma) ** 2
+            ),
+            white,
+        )
+        point = origin + inner[:, None] * direction
+        tangents.append(
+            (normal, point, inner, white, scans.groups[view], point - scans.pivots[view])
+        )
+    normal, point, reach, sigma, group, lever = (
+        np.concatenate(parts) for parts in zip(*tangents, strict=True)
+    )
+    solid = chosen.only(~chosen.between)
+    counts = solid.last - solid.first + 1
+    row = np.repeat(np.arange(len(solid)), counts)
+    beam = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    beam = beam + np.repeat(solid.first, counts)
+    view = np.repeat(solid.view, counts)
+    angle = scans.angles[view, beam]
+    moving = ~scans.standing[solid.view]
+    hit_sigma = np.sqrt(
+        scans.noise[solid.view] ** 2 / np.maximum(counts, 1)
+        + 0.002**2
+        + np.where(moving, config.moving_position_sigma**2, 0.0)
+    )
+    middle = points[solid.view, (solid.first + solid.last) // 2]
+    return Evidence(
+        normal=normal,
+        point=point,
+        range=reach,
+        sigma=sigma,
+        group=group.astype(np.int64),
+        lever=lever,
+        hits=points[view, beam],
+        rays=np.stack([np.cos(angle), np.sin(angle)], axis=1),
+        row=row,
+        hit_sigma=hit_sigma,
+        hit_group=scans.groups[solid.view],
+        hit_lever=middle - scans.pivots[solid.view],
+    )

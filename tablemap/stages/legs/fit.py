@@ -1,0 +1,294 @@
+"""Primitives through support lines and depths, with poses, beam width and bias as nuisances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from tablemap.geometry import Floats
+from tablemap.stages.legs.evidence import Evidence
+from tablemap.stages.legs.primitives import PARAMETERS, support, surface_distance
+
+_CAUCHY = 2.5
+_SHARED = 1.3
+_SMALLEST = 0.004
+_SETTLED = 1e-5  # metres and radians
+_YAWS = 8  # that a fit may start from, over a quarter turn
+_AGREE = 0.85  # of the tangents: the others are ends of pieces, where a neighbour hides the thing
+
+
+@dataclass(frozen=True, eq=False)
+class Priors:
+    """What is believed of the nuisances before: pose errors by group, beam width, range bias.
+
+    ``information`` (3G, 3G) is the groups' (x, y, yaw), None where poses are held; ``beam`` in
+    radians and ``bias`` in metres are (mean, sigma). ``yaw`` (angle, sigma) pulls rectangles to
+    the table's axes, quarter turns alike; None without.
+    """
+
+    information: Floats | None
+    beam: tuple[float, float]
+    bias: tuple[float, float]
+    yaw: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A solution for K legs of one ``kind``.
+
+    ``parameters`` (K, p) and their ``covariance`` per leg (K, p, p), scaled by the residuals where
+    those are larger than their sigmas; ``cost`` is the robust sum of squares with the priors,
+    ``costs`` (K,) each leg's part; ``count`` residuals; ``free`` parameters without yaws that a
+    prior holds, ``shared`` of them by all legs; ``rms`` (K,) metres of the tangents. ``misfits``
+    are each leg's residuals over their sigmas: its tangents' and its depths'.
+    """
+
+    kind: str
+    parameters: Floats
+    covariance: Floats
+    cost: float
+    costs: Floats
+    count: int
+    free: int
+    shared: int
+    rms: Floats
+    beam_half_width: float
+    range_bias: float
+    misfits: tuple[tuple[Floats, Floats], ...]
+
+
+def fit_shapes(
+    kind: str,
+    evidence: list[Evidence],
+    start: Floats,
+    *,
+    priors: Priors,
+    tied: bool,
+    iterations: int = 12,
+) -> Fit:
+    """Fit one primitive a leg, all legs with the same nuisances, by robust Gauss-Newton.
+
+    ``start`` is (K, p); with ``tied`` the legs share their size.
+    """
+    width = PARAMETERS[kind]
+    legs = len(evidence)
+    columns = np.arange(legs * width).reshape(legs, width)
+    sizes = slice(2, 4 if kind == "rectangle" else 3)
+    if tied:
+        columns[:, sizes] = columns[:1, sizes]
+    _, columns = np.unique(columns, return_inverse=True)
+    columns = columns.reshape(legs, width)
+    free = int(columns.max()) + 1
+    groups = 0 if priors.information is None else len(priors.information) // 3
+    beam, bias, poses = free, free + 1, free + 2
+    x = np.zeros(free + 2 + 3 * groups)
+    x[columns] = start
+    x[beam], x[bias] = priors.beam[0], priors.bias[0]
+    prior = np.zeros((len(x), len(x)))
+    prior[beam, beam] = priors.beam[1] ** -2
+    prior[bias, bias] = priors.bias[1] ** -2
+    mean = np.zeros(len(x))
+    mean[beam], mean[bias] = priors.beam[0], priors.bias[0]
+    if groups:
+        prior[poses:, poses:] = priors.information
+    held = kind != "circle" and priors.yaw is not None
+    if kind != "circle" and priors.yaw is not None:
+        prior[columns[:, -1], columns[:, -1]] += priors.yaw[1] ** -2
+
+    # Weak, so that a leg seen from one side alone still has a solution.
+    loose = np.full((legs, width), 0.3)
+    loose[:, :2] = 0.5
+    prior[columns, columns] += 1.0 / loose**2
+    mean[columns] = start
+    nuisances = np.array([beam, bias])
+    for iteration in range(iterations):
+        if kind != "circle" and priors.yaw is not None:
+            quarter = np.round((x[columns[:, -1]] - priors.yaw[0]) / (np.pi / 2))
+            mean[columns[:, -1]] = priors.yaw[0] + quarter * np.pi / 2
+        normal, gradient = prior.copy(), prior @ (mean - x)
+        for leg in range(legs):
+            # Tangents are linear in place and size: the depths join once those stand.
+            rows = _linearised(kind, x, columns[leg], evidence[leg], beam, groups, iteration >= 2)
+            own = np.concatenate([columns[leg], nuisances])
+            _add(normal, gradient, rows, own, poses, groups)
+        step = np.asarray(scipy.linalg.solve(normal, gradient, assume_a="pos"))
+        if kind != "circle":
+            step[columns[:, -1]] = np.clip(step[columns[:, -1]], -0.2, 0.2)
+        x = x + step
+        x[columns[:, sizes]] = np.clip(x[columns[:, sizes]], _SMALLEST, 3.0)
+        if iteration > 3 and float(np.abs(step[: free + 2]).max()) < _SETTLED:
+            break
+
+    normal, gradient = prior.copy(), prior @ (mean - x)
+    costs, rms, scale = np.zeros(legs), np.zeros(legs), np.ones(legs)
+    count = 0
+    misfits = []
+    for leg in range(legs):
+        rows = _linearised(kind, x, columns[leg], evidence[leg], beam, groups, True)
+        own = np.concatenate([columns[leg], nuisances])
+        _add(normal, gradient, rows, own, poses, groups)
+        misfit = rows.residual / rows.sigma
+        misfits.append((misfit[: rows.tangents], misfit[rows.tangents :]))
+        ratio = misfit**2
+        costs[leg] = _CAUCHY**2 * float(np.log1p(ratio / _CAUCHY**2).sum())
+        # A depth that this shape cannot explain at all must not make it cheaper.
+        costs[leg] += rows.unexplained
+        count += len(rows.residual) + rows.unexplained
+        if rows.tangents:
+            squares = np.sort(rows.residual[: rows.tangents] ** 2)
+            rms[leg] = float(np.sqrt(np.mean(squares[: max(int(_AGREE * len(squares)), 1)])))
+        if len(rows.residual) > width:
+            # The median of a chi-square with one degree of freedom is 0.455.
+            scale[leg] = max(1.0, float(np.median(ratio)) / 0.455)
+    covariance = np.asarray(scipy.linalg.inv(normal))
+    mean_free = mean - x
+    return Fit(
+        kind=kind,
+        parameters=x[columns],
+        covariance=np.stack([covariance[np.ix_(c, c)] for c in columns]) * scale[:, None, None],
+        cost=float(costs.sum() + mean_free @ prior @ mean_free),
+        costs=costs,
+        count=count,
+        free=free - (legs if held else 0),
+        shared=sizes.stop - sizes.start if tied else 0,
+        rms=rms,
+        beam_half_width=float(x[beam]),
+        range_bias=float(x[bias]),
+        misfits=tuple(misfits),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """One leg's residuals (n,) with sigmas, slopes (n, p + 2) in its parameters and the laser's
+    nuisances, and how a pose error of each row's group moves them, ``pose`` (n, 3)."""
+
+    residual: Floats
+    sigma: Floats
+    slope: Floats
+    pose: Floats
+    group: NDArray[np.int64]
+    tangents: int
+    unexplained: int
+
+
+def _linearised(
+    kind: str,
+    x: Floats,
+    own: NDArray[np.int64],
+    evidence: Evidence,
+    beam: int,
+    groups: int,
+    depths: bool,
+) -> _Rows:
+    values = x[own]
+    h, slope = support(kind, values, evidence.normal)
+    residual = np.einsum("ij,ij->i", evidence.normal, evidence.point - values[:2]) - h
+    residual = residual - evidence.range * x[beam]
+    slope = np.column_stack([-slope, -evidence.range, np.zeros(len(residual))])
+    pose = _pose_slope(evidence.normal, evidence.lever)
+    group, sigma, tangents = evidence.group, evidence.sigma, len(residual)
+    unexplained = 0
+    if depths and len(evidence.hit_sigma):
+        distance, normals, steps, ok = surface_distance(kind, values, evidence.hits, evidence.rays)
+        segments = len(evidence.hit_sigma)
+        starts = np.searchsorted(evidence.row, np.arange(segments))
+        counts = np.add.reduceat(ok, starts)
+        share = ok / np.maximum(counts, 1)[evidence.row]
+        cosine = np.einsum("ij,ij->i", normals, evidence.rays)
+        beams = np.column_stack([distance - cosine * x[beam + 1], normals, steps, cosine])
+        means = np.add.reduceat(beams * share[:, None], starts)[counts > 0]
+        unexplained = int((counts == 0).sum())
+        seen = counts > 0
+        residual = np.concatenate([residual, means[:, 0]])
+        depth_slope = np.column_stack([means[:, 3:-1], np.zeros(len(means)), -means[:, -1]])
+        slope = np.concatenate([slope, depth_slope])
+        pose = np.concatenate([pose, _pose_slope(means[:, 1:3], evidence.hit_lever[seen])])
+        group = np.concatenate([group, evidence.hit_group[seen]])
+        sigma = np.concatenate([sigma, evidence.hit_sigma[seen]])
+    if groups:
+        offsets = x[beam + 2 :].reshape(-1, 3)[group]
+        residual = residual + np.einsum("ij,ij->i", pose, offsets)
+    return _Rows(residual, sigma, slope, pose, group, tangents, unexplained)
+
+
+def _pose_slope(normal: Floats, lever: Floats) -> Floats:
+    """Return (n, 3): what x, y and yaw of the base move along ``normal`` at ``lever`` from it."""
+    return np.column_stack([normal, normal[:, 1] * lever[:, 0] - normal[:, 0] * lever[:, 1]])
+
+
+def _add(
+    normal: Floats,
+    gradient: Floats,
+    rows: _Rows,
+    own: NDArray[np.int64],
+    poses: int,
+    groups: int,
+) -> None:
+    """Add one leg's rows to the normal equations."""
+    weight = 1.0 / (rows.sigma**2 * (1.0 + (rows.residual / (_CAUCHY * rows.sigma)) ** 2))
+    if not groups:
+        weighted = rows.slope.T * weight
+        normal[np.ix_(own, own)] += weighted @ rows.slope
+        gradient[own] -= weighted @ rows.residual
+        return
+    # Dense, poses of all groups beside the leg's own: one product beats many small ones.
+    width = len(own)
+    full = np.zeros((len(weight), width + 3 * groups))
+    full[:, :width] = rows.slope
+    at = width + 3 * rows.group[:, None] + np.arange(3)
+    full[np.arange(len(weight))[:, None], at] = rows.pose
+    weighted = full.T * weight
+    columns = np.concatenate([own, poses + np.arange(3 * groups)])
+    normal[np.ix_(columns, columns)] += weighted @ full
+    gradient[columns] -= weighted @ rows.residual
+
+
+def fit_alone(
+    kind: str, evidence: Evidence, centre: Floats, size: float, yaw: float, *, priors: Priors
+) -> Fit:
+    """Fit one leg by itself, from the best of several yaws where it has one."""
+    if kind == "circle":
+        start = np.array([[*centre, size]])
+        return fit_shapes(kind, [evidence], start, priors=priors, tied=False)
+    starts = yaw + np.arange(_YAWS) / _YAWS * np.pi / 2
+    first = [_at_yaw(kind, evidence, centre, angle) for angle in starts]
+    best = min(first, key=lambda start: start[0])[1]
+    if best[2:-1].min() < _SMALLEST or np.linalg.norm(best[:2] - centre) > size + 0.05:
+        best = np.array([*centre, *[size] * (PARAMETERS[kind] - 3), yaw])
+    return fit_shapes(kind, [evidence], best[None], priors=priors, tied=False)
+
+
+def _at_yaw(kind: str, evidence: Evidence, centre: Floats, yaw: float) -> tuple[float, Floats]:
+    """Fit place and sizes at a held yaw to the tangents alone, where they are linear in them.
+
+    Returns the robust cost and the (p,) parameters.
+    """
+    trial = np.array([*centre, *[0.0] * (PARAMETERS[kind] - 3), yaw])
+    slope = support(kind, trial, evidence.normal)[1][:, :-1]
+    target = np.einsum("ij,ij->i", evidence.normal, evidence.point - centre)
+    weight = 1.0 / evidence.sigma
+    for _ in range(4):
+        solved = np.linalg.lstsq(slope * weight[:, None], target * weight, rcond=None)[0]
+        ratio = ((target - slope @ solved) / (_CAUCHY * evidence.sigma)) ** 2
+        weight = 1.0 / (evidence.sigma * np.sqrt(1.0 + ratio))
+    trial[:-1] = solved
+    trial[:2] += centre
+    return float(np.log1p(ratio).sum()), trial
+
+
+def criterion(fit: Fit) -> float:
+    """Return BIC with residuals discounted a little: neighbouring ones share some errors.
+
+    What belongs to one leg weighs against that leg's residuals, a size shared by all against all.
+    """
+    effective = max(fit.count / _SHARED, 2.0)
+    each = max(effective / len(fit.parameters), 2.0)
+    return (
+        fit.cost / _SHARED
+        + fit.shared * float(np.log(effective))
+        + (fit.free - fit.shared) * float(np.log(each))
+    )

@@ -1,0 +1,195 @@
+"""How legs stand under a top: symmetric partners, corners, the middle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely.geometry import Point, Polygon
+
+from tablemap.geometry import Floats
+from tablemap.stages.surface import Surface
+
+_CARRY = 3  # legs that a part stands on, unless one is in its middle
+_ACROSS = 0.04  # metres from a leg's mirror image to its partner
+_SYMMETRY = 0.03  # metres, partners are this near to where symmetry puts them
+_BEYOND = 0.02  # metres outside the outline that errors of top and place explain
+_MIRRORED = ("rectangle", "square", "ellipse", "polygon", "mesh")
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """The top's own frame: ``polygon`` in the map, places in it by ``local``."""
+
+    surface: Surface
+    polygon: Polygon
+
+    def local(self, places: Floats) -> Floats:
+        """Map (n, 2) places to the top's frame."""
+        return self.surface.pose.inverse().apply(places)
+
+    def is_beside(self, place: Floats) -> bool:
+        """Say whether a place lies under what touches the table and is no part of it."""
+        beside = self.surface.beside
+        return beside is not None and Polygon(beside).contains(Point(*place))
+
+    @property
+    def half(self) -> Floats:
+        """The (2,) half extents of the outline along the top's axes."""
+        corners = self.local(self.surface.outline)
+        half: Floats = np.maximum(0.5 * np.ptp(corners, axis=0), 1e-3)
+        return half
+
+    def is_central(self, place: Floats) -> bool:
+        """Say whether a place is where a pedestal stands: the middle tenth of the top."""
+        u, v = self.local(place[None])[0]
+        half = self.half
+        return bool(abs(u) < max(0.12 * half[0], 0.05) and abs(v) < max(0.12 * half[1], 0.05))
+
+    def inset(self, place: Floats) -> float:
+        """Return how far inside the outline a place is (negative: outside)."""
+        point = Point(*place)
+        distance = float(self.polygon.exterior.distance(point))
+        return distance if self.polygon.contains(point) else -distance
+
+    def is_beyond(self, place: Floats) -> bool:
+        """Say whether a place is so far outside the outline that the top does not cover it."""
+        return self.inset(place) < -_BEYOND
+
+    def near_corner(self, place: Floats) -> bool:
+        """Say whether a place lies in a corner's quarter, or near the rim of a round top."""
+        u, v = np.abs(self.local(place[None])[0]) / self.half
+        if self.surface.shape in ("circle", "ellipse"):
+            return bool(np.hypot(u, v) > 0.4)
+        if self.surface.shape in ("rectangle", "square", "parallelogram"):
+            return bool(u > 0.5 and v > 0.4)
+        corners = np.asarray(self.polygon.simplify(0.02).exterior.coords)
+        return bool(np.linalg.norm(corners - place, axis=1).min() < 0.35)
+
+
+def symmetric_sets(
+    frame: Frame, places: Floats, tolerance: float
+) -> list[tuple[tuple[int, ...], Floats]]:
+    """Return sets of places that map onto each other under the top's symmetry.
+
+    Each is (members, missing (m, 2) in the map): complete sets of four, three and two, and fours
+    with one place missing. Sets under the top come first, then full ones, then outer ones.
+    """
+    if not len(places):
+        return []
+    local = frame.local(places)
+    sets: dict[tuple[int, ...], Floats] = {}
+    for orbit in _orbits(frame, local):
+        distance = np.linalg.norm(orbit[:, None] - local[None], axis=2)
+        nearest = distance.argmin(axis=1)
+        matched = distance[np.arange(len(orbit)), nearest] < tolerance
+        members = tuple(sorted({int(i) for i in nearest[matched]}))
+        missing = frame.surface.pose.apply(orbit[~matched])
+        enough = matched.all() or (len(orbit) == 4 and matched.sum() == 3)
+        if enough and len(members) == int(matched.sum()) and len(members) > 1:
+            known = sets.get(members)
+            if known is None or len(missing) < len(known):
+                sets[members] = missing
+
+    beyond = np.array([frame.is_beyond(place) for place in places])
+
+    def order(item: tuple[tuple[int, ...], Floats]) -> tuple[float, ...]:
+        members, missing = item
+        chosen = list(members)
+        outer = float(np.mean(np.abs(local[chosen]) / frame.half))
+        full = -len(members) - 0.5 * (len(missing) == 0)
+        return (float(beyond[chosen].any()), full, -outer, float(members[0]))
+
+    return sorted(sets.items(), key=order)
+
+
+def table_sets(
+    frame: Frame, places: Floats, slender: list[int], wide: list[int]
+) -> tuple[set[int], set[int], set[int]]:
+    """Return which (n, 2) places are of a complete set, of another, and the table's own.
+
+    ``slender`` and ``wide`` are the places that may be legs. The table's own are the first set of
+    three or more, or of four with one missing, that stands near the corners; feet beyond a top that
+    has its own are of no set.
+    """
+    complete: set[int] = set()
+    partial: set[int] = set()
+    own: set[int] = set()
+    for group in (slender, wide):
+        for rank, (members, missing) in enumerate(symmetric_sets(frame, places[group], _SYMMETRY)):
+            chosen = {group[i] for i in members}
+            if own and any(frame.is_beyond(places[i]) for i in chosen):
+                continue
+            full = len(missing) == 0 and (len(chosen) >= 3 or group is wide)
+            if full and (rank == 0 or not complete):
+                complete |= chosen
+            else:
+                partial |= chosen
+            if len(chosen) >= 3 and not own and all(frame.near_corner(places[i]) for i in chosen):
+                own = chosen
+    return complete, partial, own
+
+
+def _orbits(frame: Frame, local: Floats) -> list[Floats]:
+    """Return, for every place, where its partners should be (itself first)."""
+    shape = frame.surface.shape
+    orbits: list[Floats] = []
+    for u, v in local:
+        if shape in _MIRRORED:
+            if abs(u) < 0.03 or abs(v) < 0.03:
+                orbits.append(np.array([[u, v], [-u, -v]]))
+            else:
+                orbits.append(np.array([[u, v], [-u, v], [-u, -v], [u, -v]]))
+        if shape in ("circle", "square", "parallelogram"):
+            for count in (4, 3, 2) if shape == "circle" else (4, 2):
+                if shape == "parallelogram" and count == 4:
+                    continue
+                turns = 2 * np.pi * np.arange(count) / count
+                c, s = np.cos(turns), np.sin(turns)
+                orbits.append(np.column_stack([c * u - s * v, s * u + c * v]))
+    if shape == "parallelogram":
+        orbits += _skewed_orbits(frame, local)
+    return orbits
+
+
+def _skewed_orbits(frame: Frame, local: Floats) -> list[Floats]:
+    """Return the partners along a parallelogram's own, oblique sides."""
+    angle = frame.surface.dimensions.get("angle")
+    if angle is None or not 0.1 < angle.value < np.pi - 0.1:
+        return []
+    axes = np.array([[1.0, np.cos(angle.value)], [0.0, np.sin(angle.value)]])
+    oblique = local @ np.linalg.inv(axes).T
+    signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]], dtype=np.float64)
+    return [(signs * place) @ axes.T for place in oblique]
+
+
+def is_standing(part: Polygon, places: Floats) -> bool:
+    """Say whether a part of a top would stand on legs at (n, 2) places alone, and they about it.
+
+    At least three of them, all but one with a partner across its middle, or one there.
+    """
+    if part.is_empty or not len(places):
+        return False
+    away = places - np.asarray(part.centroid.coords[0])
+    alone = np.linalg.norm(away[:, None] + away[None], axis=2).min(axis=1) > _ACROSS
+    if len(places) < _CARRY:
+        return len(places) == 1 and not alone.any()
+    return bool(alone.sum() <= 1)
+
+
+def is_two_tables(frame: Frame, places: Floats) -> bool:
+    """Say whether a cut between the legs leaves two halves that each stand, three legs or more."""
+    local = frame.local(places)
+    reach = 2.0 * float(frame.half.max())
+    for axis in (0, 1):
+        order = np.sort(local[:, axis])
+        for cut in (order[_CARRY - 1 : -_CARRY] + order[_CARRY : 1 - _CARRY]) / 2:
+            low = local[:, axis] < cut
+            box = [-reach, -reach, reach, reach]
+            box[2 + axis] = float(cut)
+            half = Polygon(frame.surface.pose.apply(np.asarray(shapely.box(*box).exterior.coords)))
+            parts = frame.polygon.intersection(half), frame.polygon.difference(half)
+            if is_standing(parts[0], places[low]) and is_standing(parts[1], places[~low]):
+                return True
+    return False

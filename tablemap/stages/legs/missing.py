@@ -1,0 +1,77 @@
+"""The leg that no view could have seen, put where the others' symmetry has it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from shapely.geometry import Point
+
+from tablemap.config import LegsConfig
+from tablemap.geometry import Floats
+from tablemap.stages.legs.candidates import Candidate
+from tablemap.stages.legs.clusters import persistence
+from tablemap.stages.legs.depth import Reach
+from tablemap.stages.legs.layout import Frame, symmetric_sets
+from tablemap.stages.legs.result import Leg
+from tablemap.stages.legs.scans import Scans
+from tablemap.stages.surface import Figure
+
+
+def infer_missing(
+    legs: list[Leg],
+    candidates: list[Candidate],
+    scans: Scans | None,
+    looked: Callable[[Floats, float], Reach],
+    frame: Frame,
+    *,
+    config: LegsConfig,
+) -> list[Leg]:
+    """Put the fourth leg where three stand by symmetry and neither sensor could have seen it.
+
+    ``looked`` says what the depth camera saw at a place of a radius. What one of the two saw
+    through is absent, and so is what should have been seen and was not.
+    """
+    if len(legs) != 3:
+        return []
+    places = np.array([[leg.x, leg.y] for leg in legs])
+    by_depth = any(leg.seen_by == "depth" for leg in legs)
+    tolerance = config.depth_symmetry if by_depth else config.laser_symmetry
+    for members, missing in symmetric_sets(frame, places, tolerance):
+        if len(members) != 3 or len(missing) != 1:
+            continue
+        place = missing[0]
+        pattern = legs[0]
+        size = max(figure.value for figure in pattern.dimensions.values())
+        if not frame.polygon.buffer(config.beyond).contains(Point(*place)):
+            return []
+        if scans is not None:
+            seen = persistence(scans, place, 0.5 * size)
+            near = [c for c in candidates if np.linalg.norm(c.place - place) < 0.08]
+            if seen.passed or (seen.hit and not near):
+                return []
+        open_view = looked(place, 0.5 * size)
+        if open_view.passed > open_view.hit:
+            return []
+        figures = {
+            name: Figure(figure.value, figure.sigma, "inferred")
+            for name, figure in pattern.dimensions.items()
+        }
+        spread = max((leg.position_sigma or 0.0 for leg in legs), default=0.0)
+        # Real tables are symmetric to about a centimetre.
+        sigma = float(np.sqrt(3.0 * spread**2 + config.symmetry_sigma**2))
+        return [
+            Leg(
+                shape=pattern.shape,
+                x=float(place[0]),
+                y=float(place[1]),
+                yaw=pattern.yaw,
+                status="inferred",
+                position_sigma=sigma,
+                dimensions=figures,
+                points=np.zeros((0, 2)),
+                views=0,
+                seen_by="nothing",
+            )
+        ]
+    return []

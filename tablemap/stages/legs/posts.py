@@ -1,0 +1,134 @@
+"""Legs that the depth camera saw: alone where there is no laser, else where no scan could look."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tablemap.config import LegsConfig
+from tablemap.geometry import Floats
+from tablemap.stages.legs.candidates import UNDER_ANOTHER, Candidate
+from tablemap.stages.legs.clusters import persistence
+from tablemap.stages.legs.depth import Post
+from tablemap.stages.legs.fit import Fit, Priors, criterion, fit_alone
+from tablemap.stages.legs.layout import Frame, symmetric_sets
+from tablemap.stages.legs.result import Leg, RejectedCluster
+from tablemap.stages.legs.scans import Scans
+from tablemap.stages.surface import Figure
+
+
+@dataclass(frozen=True, eq=False)
+class _Fitted:
+    post: Post
+    fit: Fit
+    place: Floats
+
+
+def accept_posts(
+    posts: list[Post],
+    legs: list[Leg],
+    candidates: list[Candidate],
+    scans: Scans | None,
+    frame: Frame,
+    *,
+    config: LegsConfig,
+) -> tuple[list[Leg], list[RejectedCluster]]:
+    """Return the posts that are legs and not found yet, and the others with their reasons."""
+    taken = [np.array([leg.x, leg.y]) for leg in legs] + [c.place for c in candidates]
+    fitted: list[_Fitted] = []
+    refused: list[RejectedCluster] = []
+    for post in posts:
+        if any(np.linalg.norm(post.centre - place) < 0.06 + 0.5 * post.size for place in taken):
+            continue
+        if post.reason is not None:
+            refused.append(_refused(post, post.reason))
+            continue
+        fit = _fitted(post, frame, config)
+        place = fit.parameters[0, :2]
+        if np.linalg.norm(place - post.centre) > 0.5 * post.size + 0.04:
+            refused.append(_refused(post, "its views do not agree on a place"))
+            continue
+        if scans is not None:
+            seen = persistence(scans, place, 0.5 * post.size)
+            if seen.passed >= max(1, seen.hit):
+                refused.append(_refused(post, "the laser saw through under it"))
+                continue
+        fitted.append(_Fitted(post, fit, place))
+    fitted, doubles = _without_doubles(fitted)
+    refused += doubles
+    places = np.array([f.place for f in fitted] + [[leg.x, leg.y] for leg in legs]).reshape(-1, 2)
+    sets = symmetric_sets(frame, places, config.depth_symmetry)
+    partners = {i for members, _ in sets for i in members}
+    found = []
+    for i, one in enumerate(fitted):
+        corner, central = frame.near_corner(one.place), frame.is_central(one.place)
+        if frame.is_beside(one.place):
+            refused.append(_refused(one.post, UNDER_ANOTHER))
+        elif frame.inset(one.place) < -0.03:
+            refused.append(_refused(one.post, "stands beyond the top"))
+        elif one.post.views < 2 and i not in partners:
+            refused.append(_refused(one.post, "seen by depth from one view alone"))
+        elif central or (corner and i in partners):
+            found.append(_leg(one, config))
+        elif not corner:
+            refused.append(_refused(one.post, "seen by depth, away from corners and middle"))
+        else:
+            refused.append(_refused(one.post, "seen by depth, without a partner by symmetry"))
+    return found, refused
+
+
+def _without_doubles(fitted: list[_Fitted]) -> tuple[list[_Fitted], list[RejectedCluster]]:
+    """Set aside what overlaps a post with more evidence: a piece of the same thing."""
+    kept: list[_Fitted] = []
+    refused: list[RejectedCluster] = []
+    for one in sorted(fitted, key=lambda f: len(f.post.evidence.sigma), reverse=True):
+        reach = [0.5 * (_size(one) + _size(other)) + 0.01 for other in kept]
+        apart = [np.linalg.norm(one.place - other.place) for other in kept]
+        if any(a < r for a, r in zip(apart, reach, strict=True)):
+            refused.append(_refused(one.post, "a fragment of the post beside it"))
+        else:
+            kept.append(one)
+    return kept, refused
+
+
+def _size(one: _Fitted) -> float:
+    return float(one.fit.parameters[0, 2])
+
+
+def _refused(post: Post, reason: str) -> RejectedCluster:
+    return RejectedCluster(float(post.centre[0]), float(post.centre[1]), post.points, reason)
+
+
+def _fitted(post: Post, frame: Frame, config: LegsConfig) -> Fit:
+    priors = Priors(None, (0.0, 1e-6), (0.0, config.depth_sigma))
+    evidence = replace(
+        post.evidence, sigma=np.hypot(post.evidence.sigma, config.stop_position_sigma)
+    )
+    yaw = frame.surface.pose.yaw
+    fits = [
+        fit_alone(kind, evidence, post.centre, post.size, yaw, priors=priors)
+        for kind in ("circle", "square")
+    ]
+    return min(fits, key=criterion)
+
+
+def _leg(one: _Fitted, config: LegsConfig) -> Leg:
+    values = one.fit.parameters[0]
+    sigma = np.sqrt(np.maximum(np.diag(one.fit.covariance[0]), 0.0))
+    # Silhouettes of a depth camera share their fattening: it does not average out.
+    size = Figure(float(values[2]), float(np.hypot(sigma[2], 1.5 * config.depth_sigma)))
+    place = float(np.sqrt(0.5 * (sigma[0] ** 2 + sigma[1] ** 2) + config.depth_sigma**2))
+    circle = one.fit.kind == "circle"
+    return Leg(
+        shape="circle" if circle else "rectangle",
+        x=float(values[0]),
+        y=float(values[1]),
+        yaw=0.0 if circle else float(values[3] % (np.pi / 2)),
+        status="measured",
+        position_sigma=place,
+        dimensions={"diameter": size} if circle else {"length": size, "width": size},
+        points=one.post.points[:, :2],
+        views=one.post.views,
+        seen_by="depth",
+    )

@@ -1,0 +1,277 @@
+"""The scans that help: one combined scan a stop, and thinned ones of the drives, in the map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tablemap.config import LegsConfig
+from tablemap.geometry import Floats, Pose2
+from tablemap.recording import Recording
+from tablemap.recording.messages import LaserScan
+from tablemap.stages.odometry import Trajectory
+from tablemap.stages.registration import Registration
+from tablemap.stages.snapshots import Snapshot
+
+_LOST = 2  # beams in a row that a surface may lose
+_ONE_DEPTH = 0.05  # metres between the beams beside them
+
+
+@dataclass(frozen=True, eq=False)
+class Scans:
+    """V scans of B beams in the map, angles ascending, short ones padded as unknown.
+
+    ``origins`` (V, B, 2), ``angles`` (V, B), ``ranges`` (V, B): inf where nothing came back, NaN
+    where nothing is known. ``pivots`` (V, 2) is the base, about which a yaw error turns the scan.
+    ``spacing`` (V,) radians between beams. ``groups`` (V,) share a pose error: one a stop, one a
+    drive between stops; ``group_stops`` holds each group's snapshot index, -1 for a drive.
+    ``noise`` (V,) is the range noise in metres. ``height`` is the laser's above the base.
+    """
+
+    origins: Floats
+    angles: Floats
+    ranges: Floats
+    pivots: Floats
+    spacing: Floats
+    standing: NDArray[np.bool_]
+    groups: NDArray[np.int64]
+    group_stops: NDArray[np.int64]
+    noise: Floats
+    height: float
+
+
+def gather_scans(
+    recording: Recording,
+    snapshots: tuple[Snapshot, ...],
+    registration: Registration,
+    stop_poses: dict[int, Pose2],
+    centre: Floats,
+    *,
+    config: LegsConfig,
+) -> Scans | None:
+    """Stream the scans, combine those of a stop, thin those of the drives; None without any.
+
+    Memory is bounded: ``config.stop_scans`` a stop and ``config.moving_scans`` in all are kept,
+    whatever the recording's length. ``stop_poses`` are the used snapshots' by index, ``centre``
+    (2,) the table's in the map.
+    """
+    if recording.names.laser is None:
+        return None
+    stops = sorted((snapshots[i].start_ns, snapshots[i].end_ns, i) for i in stop_poses)
+    starts = np.array([start for start, _, _ in stops], dtype=np.int64)
+    gathered: dict[int, _Stop] = {index: _Stop() for _, _, index in stops}
+    drives = _Drives(config)
+    trajectory = registration.trajectory
+    span = (-1, -2)
+    if len(trajectory.stamps_ns):
+        span = (int(trajectory.stamps_ns[0]), int(trajectory.stamps_ns[-1]))
+    path = _Path(trajectory)
+    for scan in recording.scans():
+        if len(scan.ranges) < 3:
+            continue
+        before = int(np.searchsorted(starts, scan.stamp_ns, side="right"))
+        if before and scan.stamp_ns <= stops[before - 1][1]:
+            gathered[stops[before - 1][2]].add(scan, config.stop_scans)
+        elif span[0] <= scan.stamp_ns <= span[1]:
+            rough = path.at(scan.stamp_ns)
+            if np.hypot(*(rough[:2] - centre)) <= config.farthest_scan and drives.moved(rough):
+                drives.add(scan, trajectory.at(scan.stamp_ns), before)
+    rows: list[_Row] = []
+    group_stops: list[int] = []
+    height = 0.0
+    for index, stop in gathered.items():
+        if stop.first is None:
+            continue
+        mount = recording.base_from_laser(stop.first.stamp_ns)
+        height = float(mount[2, 3])
+        ranges, noise = stop.combined(config.range_noise)
+        pose = stop_poses[index]
+        rows.append(_placed(stop.first, ranges, mount, pose, pose, True, len(group_stops), noise))
+        group_stops.append(index)
+    for drive in sorted({before for _, _, before in drives.kept}):
+        for scan, pose, before in drives.kept:
+            if before == drive:
+                mount = recording.base_from_laser(scan.stamp_ns)
+                height = float(mount[2, 3])
+                seconds = scan.time_increment * (len(scan.ranges) - 1)
+                end = trajectory.at(scan.stamp_ns + round(max(seconds, 0.0) * 1e9))
+                ranges = _cleaned(scan)
+                group, noise = len(group_stops), config.range_noise
+                rows.append(_placed(scan, ranges, mount, pose, end, False, group, noise))
+        group_stops.append(-1)
+    return _stacked(rows, group_stops, height) if rows else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Row:
+    origins: Floats
+    angles: Floats
+    ranges: Floats
+    pivot: Floats
+    standing: bool
+    group: int
+    noise: float
+
+
+class _Stop:
+    """The ranges of one stop's scans, thinned to a bound as they arrive."""
+
+    def __init__(self) -> None:
+        self.first: LaserScan | None = None
+        self.ranges: list[Floats] = []
+        self.stride = 1
+        self.seen = 0
+
+    def add(self, scan: LaserScan, bound: int) -> None:
+        if self.first is None:
+            self.first = scan
+        elif len(scan.ranges) != len(self.first.ranges):
+            return
+        if self.seen % self.stride == 0:
+            self.ranges.append(_cleaned(scan))
+            if len(self.ranges) > bound:
+                self.ranges = self.ranges[::2]
+                self.stride *= 2
+        self.seen += 1
+
+    def combined(self, noise: float) -> tuple[Floats, float]:
+        """Return the per-beam mean of what lies within 5 cm of the median, and its noise."""
+        stack = np.stack(self.ranges)
+        hit = np.isfinite(stack)
+        lost = np.isinf(stack).mean(axis=0) >= 0.5
+        seen = hit.mean(axis=0) >= 0.6
+        ordered = np.sort(np.where(hit, stack, np.inf), axis=0)
+        middle = ordered[np.maximum(hit.sum(axis=0) - 1, 0) // 2, np.arange(stack.shape[1])]
+        middle = np.where(seen, middle, 0.0)
+        near = hit & (np.abs(np.where(hit, stack, 0.0) - middle) < 0.05)
+        mean = np.where(near, stack, 0.0).sum(axis=0) / np.maximum(near.sum(axis=0), 1)
+        ranges = np.where(seen, mean, np.where(lost, np.inf, np.nan))
+        return ranges, noise / float(np.sqrt(len(stack)))
+
+
+class _Path:
+    """A trajectory for quick looks: places and unwrapped yaws, interpolated linearly."""
+
+    def __init__(self, trajectory: Trajectory) -> None:
+        self.stamps = trajectory.stamps_ns
+        self.values = trajectory.poses.copy()
+        self.values[:, 2] = np.unwrap(self.values[:, 2])
+
+    def at(self, stamp_ns: int) -> Floats:
+        """Return (3,) x, y, yaw within the trajectory's span."""
+        i = int(np.clip(np.searchsorted(self.stamps, stamp_ns), 1, max(len(self.stamps) - 1, 1)))
+        if len(self.stamps) == 1:
+            return np.asarray(self.values[0])
+        span = max(int(self.stamps[i]) - int(self.stamps[i - 1]), 1)
+        fraction = (stamp_ns - int(self.stamps[i - 1])) / span
+        return np.asarray((1 - fraction) * self.values[i - 1] + fraction * self.values[i])
+
+
+class _Drives:
+    """Scans taken in motion, thinned to a bound as they arrive."""
+
+    def __init__(self, config: LegsConfig) -> None:
+        self.kept: list[tuple[LaserScan, Pose2, int]] = []
+        self.step = config.moving_step
+        self.bound = config.moving_scans
+        self.last: Floats | None = None
+
+    def moved(self, pose: Floats) -> bool:
+        """Say whether ``pose`` (3,) is a step from the last kept one, and take it as the next."""
+        if self.bound == 0:
+            return False
+        if self.last is not None:
+            moved = pose - self.last
+            # A turn of a quarter radian shifts the beams against the legs as a step does.
+            if np.hypot(moved[0], moved[1]) + 0.25 * abs(moved[2]) < self.step:
+                return False
+        self.last = pose
+        return True
+
+    def add(self, scan: LaserScan, pose: Pose2, drive: int) -> None:
+        self.kept.append((scan, pose, drive))
+        if len(self.kept) > self.bound:
+            self.kept = self.kept[::2]
+            self.step *= 2
+
+
+def _cleaned(scan: LaserScan) -> Floats:
+    """Return (n,) ranges: inf where nothing came back, NaN where nothing is known."""
+    ranges = scan.ranges.astype(np.float64)
+    far = scan.range_max if scan.range_max > scan.range_min else np.inf
+    unknown = np.isnan(ranges) | (ranges <= max(scan.range_min, 0.0))
+    lost = ~unknown & (ranges >= far)
+    # A driver without an infinity marks lost beams as NaN or zero.
+    unknown_value = np.nan if lost.any() else np.inf
+    return _bridged(np.where(lost, np.inf, np.where(unknown, unknown_value, ranges)))
+
+
+def _bridged(ranges: Floats) -> Floats:
+    """Fill one or two lost beams between two that ended at one depth: one surface, not its ends."""
+    hit = np.flatnonzero(np.isfinite(ranges))
+    before, after = hit[:-1], hit[1:]
+    gap = after - before
+    same = np.abs(ranges[after] - ranges[before]) < _ONE_DEPTH
+    filled = ranges.copy()
+    for missing in (1, 2):
+        at = before[same & (gap > missing) & (gap <= _LOST + 1)] + missing
+        filled[at] = 0.5 * (
+            ranges[at - missing] + ranges[after[np.searchsorted(before, at - missing)]]
+        )
+    return filled
+
+
+def _placed(
+    scan: LaserScan,
+    ranges: Floats,
+    mount: Floats,
+    start: Pose2,
+    end: Pose2,
+    standing: bool,
+    group: int,
+    noise: float,
+) -> _Row:
+    """Place every beam in the map, from where the base was when that beam was fired."""
+    beams = scan.angles
+    directions = np.stack([np.cos(beams), np.sin(beams)], axis=1) @ mount[:2, :2].T
+    angles = np.unwrap(np.arctan2(directions[:, 1], directions[:, 0]))
+    step = start.inverse() @ end
+    fraction = np.linspace(0.0, 1.0, len(beams))
+    yaw = start.yaw + fraction * step.yaw
+    base = start.translation + fraction[:, None] * (end.translation - start.translation)
+    mx, my = mount[0, 3], mount[1, 3]
+    lever = np.stack(
+        [np.cos(yaw) * mx - np.sin(yaw) * my, np.sin(yaw) * mx + np.cos(yaw) * my], axis=1
+    )
+    origins, angles = base + lever, angles + yaw
+    if angles[-1] < angles[0]:  # mounted upside down, or turning clockwise
+        origins, angles, ranges = origins[::-1], angles[::-1], ranges[::-1]
+    return _Row(origins, angles, ranges, base[0], standing, group, noise)
+
+
+def _stacked(rows: list[_Row], group_stops: list[int], height: float) -> Scans:
+    beams = max(len(row.ranges) for row in rows)
+    origins = np.zeros((len(rows), beams, 2))
+    angles = np.zeros((len(rows), beams))
+    ranges = np.full((len(rows), beams), np.nan)
+    for i, row in enumerate(rows):
+        n = len(row.ranges)
+        origins[i, :n], origins[i, n:] = row.origins, row.origins[-1]
+        angles[i, :n], angles[i, n:] = row.angles, row.angles[-1]
+        ranges[i, :n] = row.ranges
+    return Scans(
+        origins=origins,
+        angles=angles,
+        ranges=ranges,
+        pivots=np.stack([row.pivot for row in rows]),
+        spacing=np.array(
+            [(row.angles[-1] - row.angles[0]) / (len(row.angles) - 1) for row in rows]
+        ),
+        standing=np.array([row.standing for row in rows]),
+        groups=np.array([row.group for row in rows], dtype=np.int64),
+        group_stops=np.array(group_stops, dtype=np.int64),
+        noise=np.array([row.noise for row in rows]),
+        height=height,
+    )

@@ -1,0 +1,244 @@
+"""The accepted legs' final primitives: one joint fit, one size for alike legs, missing ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from tablemap.config import LegsConfig
+from tablemap.geometry import Floats
+from tablemap.stages.legs.candidates import Candidate
+from tablemap.stages.legs.evidence import Evidence
+from tablemap.stages.legs.fit import Fit, Priors, criterion, fit_shapes
+from tablemap.stages.legs.layout import Frame
+from tablemap.stages.legs.result import Leg
+from tablemap.stages.legs.scans import Scans
+from tablemap.stages.registration import Registration
+from tablemap.stages.surface import Figure
+
+_YAW_SIGMA = np.radians(2.0)
+_ELONGATED = 1.25
+_RARE = 6.0
+_ROUND = ("circle", "ellipse")
+_TELLING = 30  # residuals that tell their own spread
+_LEAST = 0.2  # of an assumed sigma: residuals that are all alike do not make it nought
+
+
+def refine(
+    accepted: list[Candidate],
+    scans: Scans | None,
+    registration: Registration,
+    frame: Frame,
+    *,
+    config: LegsConfig,
+) -> tuple[list[Leg], float | None, float | None]:
+    """Fit the legs together; return them, the beam's half width and the range bias found.
+
+    Legs whose own sizes agree share one shape and one size: a carpenter makes them alike.
+    """
+    if scans is None or not accepted:
+        return [], None, None
+    covariance = _pose_covariance(scans, registration, config)
+    information = np.linalg.inv(covariance).astype(np.float64)
+    legs: list[Leg] = []
+    beam = bias = None
+    for group in _alike(accepted):
+        evidence = [c.evidence for c in group if c.evidence is not None]
+        rough = _best(group, evidence, (group[0].kind,), information, frame, config)
+        evidence = _weighted(evidence, rough, scans)
+        fit = _best(group, evidence, tuple(group[0].fits), information, frame, config)
+        legs += [
+            _leg(
+                fit,
+                i,
+                candidate,
+                _systematic(candidate, registration, frame, config),
+                config.size_systematic,
+            )
+            for i, candidate in enumerate(group)
+        ]
+        if beam is None:
+            beam, bias = fit.beam_half_width, fit.range_bias
+    return legs, beam, bias
+
+
+def _pose_covariance(scans: Scans, registration: Registration, config: LegsConfig) -> Floats:
+    """Return (3G, 3G) of the groups' poses: the registration's for stops, loose ones for drives."""
+    drive = np.diag(np.square([config.drive_position_sigma] * 2 + [config.drive_yaw_sigma]))
+    covariance: Floats = block_diag(*[drive] * len(scans.group_stops))
+    stops = np.flatnonzero(scans.group_stops >= 0)
+    ours = (3 * stops[:, None] + np.arange(3)).ravel()
+    theirs = (3 * scans.group_stops[stops][:, None] + np.arange(3)).ravel()
+    known = registration.covariance[np.ix_(theirs, theirs)]
+    if np.isfinite(known).all():
+        covariance[np.ix_(ours, ours)] = 0.5 * (known + known.T)
+    # The relative covariance has no inverse: the mean pose is held.
+    floor = np.tile([config.pose_floor**2] * 2 + [(0.3 * config.pose_floor) ** 2], len(stops))
+    covariance[ours, ours] += floor
+    return covariance
+
+
+def _alike(accepted: list[Candidate]) -> list[list[Candidate]]:
+    """Group candidates whose own sizes agree."""
+    groups: list[list[Candidate]] = []
+    for candidate in sorted(accepted, key=lambda c: -len(c.evidence.sigma) if c.evidence else 0):
+        size, sigma = _diameter(candidate)
+        for group in groups:
+            other, other_sigma = _diameter(group[0])
+            allowed = 3.0 * np.hypot(sigma, other_sigma) + 0.002 + 0.05 * size
+            same = group[0].cluster.slender == candidate.cluster.slender
+            if same and abs(size - other) < allowed:
+                group.append(candidate)
+                break
+        else:
+            groups.append([candidate])
+    return groups
+
+
+def _diameter(candidate: Candidate) -> tuple[float, float]:
+    kind = "circle" if "circle" in candidate.fits else "rectangle"
+    fit = candidate.fits[kind]
+    return float(fit.parameters[0, 2]), float(np.sqrt(fit.covariance[0, 2, 2]))
+
+
+def _weighted(evidence: list[Evidence], fit: Fit, scans: Scans) -> list[Evidence]:
+    """Return the evidence with sigmas as the residuals show them, for stops and drives apart.
+
+    What a beam's spacing, its spot and the drive's interpolation make of a tangent is assumed
+    beforehand; hundreds of residuals tell it better. A depth of which the shape says nothing has no
+    residual: depths keep one common factor.
+    """
+    moving = scans.group_stops < 0
+    factor = np.ones((2, 2))
+    for row, drives in enumerate((False, True)):
+        tangents = np.concatenate(
+            [m[0][moving[e.group] == drives] for e, m in zip(evidence, fit.misfits, strict=True)]
+        )
+        if len(tangents) >= _TELLING:
+            factor[row, 0] = _robust_scale(tangents)
+    depths = np.concatenate([depth for _, depth in fit.misfits])
+    if len(depths) >= _TELLING:
+        factor[:, 1] = _robust_scale(depths)
+    return [
+        replace(
+            e,
+            sigma=e.sigma * factor[moving[e.group].astype(np.int64), 0],
+            hit_sigma=e.hit_sigma * factor[moving[e.hit_group].astype(np.int64), 1],
+        )
+        for e in evidence
+    ]
+
+
+def _robust_scale(misfit: Floats) -> float:
+    # The median of a chi-square with one degree of freedom is 0.455.
+    return max(float(np.sqrt(np.median(misfit**2) / 0.455)), _LEAST)
+
+
+def _best(
+    group: list[Candidate],
+    evidence: list[Evidence],
+    kinds: tuple[str, ...],
+    information: Floats,
+    frame: Frame,
+    config: LegsConfig,
+) -> Fit:
+    """Fit all ``kinds`` to a group of alike legs and take the one with the best criterion."""
+    fits = []
+    for kind in kinds:
+        start = np.stack([c.fits[kind].parameters[0] for c in group])
+        if kind == "rectangle":
+            start = _ordered(start)
+        sigma = np.array([np.sqrt(c.fits[kind].covariance[0, -1, -1]) for c in group])
+        yaw = None
+        if kind != "circle" and frame.surface.shape not in _ROUND:
+            axis = frame.surface.pose.yaw
+            off = np.abs((start[:, -1] - axis + np.pi / 4) % (np.pi / 2) - np.pi / 4)
+            if (off < 3.0 * np.hypot(sigma, _YAW_SIGMA)).all():
+                yaw = (axis, _YAW_SIGMA)
+                if kind == "square":
+                    start[:, -1] = axis
+        priors = Priors(
+            information,
+            (config.beam_half_width, config.beam_half_width_sigma),
+            (0.0, config.range_bias_sigma),
+            yaw,
+        )
+        middle = start.copy()
+        sizes = slice(2, 4 if kind == "rectangle" else 3)
+        middle[:, sizes] = np.median(start[:, sizes], axis=0)
+        fits.append(fit_shapes(kind, evidence, middle, priors=priors, tied=True))
+    return min(fits, key=_doubted)
+
+
+def _doubted(fit: Fit) -> float:
+    """Return the criterion, with what a nearly square rectangle must win by: such legs are rare."""
+    if fit.kind != "rectangle":
+        return criterion(fit)
+    long, short = np.max(fit.parameters[0, 2:4]), np.min(fit.parameters[0, 2:4])
+    return criterion(fit) + (_RARE if long < _ELONGATED * short else 0.0)
+
+
+def _ordered(values: Floats) -> Floats:
+    """Return (K, 5) rectangles with the length first.
+
+    Where that is not clear, the sides are named as those of the first leg lie.
+    """
+    ordered = values.copy()
+    swapped = values[:, [0, 1, 3, 2, 4]] + [0, 0, 0, 0, np.pi / 2]
+    clear = np.max(values[:, 2:4], axis=1) > _ELONGATED * np.min(values[:, 2:4], axis=1)
+    ordered[values[:, 3] > values[:, 2]] = swapped[values[:, 3] > values[:, 2]]
+    quarter = np.round((ordered[:, 4] - ordered[0, 4]) / (np.pi / 2)).astype(np.int64) % 2 == 1
+    unclear = quarter & ~clear
+    ordered[unclear] = ordered[unclear][:, [0, 1, 3, 2, 4]] - [0, 0, 0, 0, np.pi / 2]
+    return ordered
+
+
+def _systematic(
+    candidate: Candidate, registration: Registration, frame: Frame, config: LegsConfig
+) -> float:
+    """Return metres that no residual shows, relative to the table.
+
+    The scans that placed the stops see the legs too, so a wrong mount cancels and a wrong range
+    scale stretches the legs about the table's middle; other poses bring all their own.
+    """
+    if registration.source != "laser":
+        return registration.systematic
+    middle = frame.surface.pose.translation
+    return config.range_scale_sigma * float(np.linalg.norm(candidate.place - middle))
+
+
+def _leg(
+    fit: Fit, row: int, candidate: Candidate, systematic: float, size_systematic: float
+) -> Leg:
+    values, covariance = fit.parameters[row], fit.covariance[row]
+    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    place = float(np.sqrt(0.5 * (sigma[0] ** 2 + sigma[1] ** 2) + systematic**2))
+
+    def figure(i: int) -> Figure:
+        return Figure(float(values[i]), float(np.hypot(sigma[i], size_systematic)))
+
+    if fit.kind == "circle":
+        shape, yaw, dimensions = "circle", 0.0, {"diameter": figure(2)}
+    elif fit.kind == "square":
+        shape, yaw = "rectangle", float(values[3] % (np.pi / 2))
+        dimensions = {"length": figure(2), "width": figure(2)}
+    else:
+        length, width = (2, 3) if values[2] >= values[3] else (3, 2)
+        shape = "rectangle"
+        yaw = float((values[4] + (0.0 if length == 2 else np.pi / 2)) % np.pi)
+        dimensions = {"length": figure(length), "width": figure(width)}
+    assert candidate.evidence is not None
+    return Leg(
+        shape=shape,
+        x=float(values[0]),
+        y=float(values[1]),
+        yaw=yaw,
+        status="measured",
+        position_sigma=place,
+        dimensions=dimensions,
+        points=candidate.points,
+        views=candidate.evidence.stops,
+        scale_sigma=systematic,
+    )

@@ -1,0 +1,134 @@
+"""From scans, poses and top to the legs: the flow of the stage."""
+
+from __future__ import annotations
+
+import numpy as np
+from shapely.geometry import Polygon
+from threadpoolctl import threadpool_limits
+
+from tablemap.config import LegsConfig
+from tablemap.errors import ProcessWarning
+from tablemap.geometry import Floats, Pose2
+from tablemap.recording import Recording
+from tablemap.stages.legs.candidates import Candidate, find_candidates, judge
+from tablemap.stages.legs.depth import Reach, find_posts, reach
+from tablemap.stages.legs.layout import Frame, is_two_tables
+from tablemap.stages.legs.missing import infer_missing
+from tablemap.stages.legs.posts import accept_posts
+from tablemap.stages.legs.result import Legs, RejectedCluster
+from tablemap.stages.legs.scans import Scans, gather_scans
+from tablemap.stages.legs.shapes import refine
+from tablemap.stages.legs.silhouettes import Walls
+from tablemap.stages.registration import Registration
+from tablemap.stages.snapshots import Snapshot
+from tablemap.stages.surface import Surface
+
+_STEEPEST = 0.1  # a laser tilted by more than this (radians) does not cut at one height
+
+
+def find_legs(
+    recording: Recording,
+    snapshots: tuple[Snapshot, ...],
+    registration: Registration,
+    surface: Surface,
+    *,
+    config: LegsConfig,
+) -> Legs:
+    """Find what carries the top: persistent silhouettes under it, each with a primitive.
+
+    Takes the scans of all used stops at their registered poses and thinned ones of the drives;
+    what the depth camera saw under the top speaks for or against each, and alone where there is no
+    laser. Never raises for a lack of evidence: the warnings say so.
+    """
+    warnings: list[ProcessWarning] = []
+    # A laser saw the legs from where it has itself; depth from where the fit of its edges has it.
+    corrected = {} if registration.source == "laser" else surface.map_from_base
+    poses = {
+        index: corrected.get(index, pose)
+        for index, pose in enumerate(registration.map_from_base)
+        if registration.used[index] and index < len(snapshots)
+    }
+    polygon = Polygon(surface.outline).buffer(0)
+    if polygon.is_empty or not poses:
+        warnings.append(_warning("legs.none_found", "No view or no outline to look for legs with."))
+        return Legs((), (), np.zeros((0, 2)), tuple(warnings))
+    frame = Frame(surface, polygon)
+    with threadpool_limits(limits=1, user_api="blas"):
+        scans = _usable_scans(recording, snapshots, registration, frame, poses, config, warnings)
+        candidates: list[Candidate] = []
+        evidence: Floats = np.zeros((0, 2))
+        walls: Walls = []
+        if scans is not None:
+            candidates, evidence, walls = find_candidates(
+                scans, snapshots, poses, frame, config=config
+            )
+            candidates = judge(candidates, frame)
+        accepted = [candidate for candidate in candidates if candidate.reason is None]
+        legs, beam, bias = refine(accepted, scans, registration, frame, config=config)
+        posts = find_posts(snapshots, poses, polygon, surface.height.value, walls, config=config)
+        more, refused = accept_posts(posts, legs, candidates, scans, frame, config=config)
+        legs = legs + more
+        highest = surface.height.value - 0.06
+
+        def looked(place: Floats, radius: float) -> Reach:
+            return reach(snapshots, poses, place, radius, min(0.1, highest), highest)
+
+        legs += infer_missing(legs, candidates, scans, looked, frame, config=config)
+    rejected = [
+        RejectedCluster(float(c.place[0]), float(c.place[1]), c.points, c.reason)
+        for c in candidates
+        if c.reason is not None
+    ]
+    if scans is None and posts:
+        evidence = np.concatenate([post.points for post in posts])
+        cells = np.unique(np.floor(evidence[:, :2] / 0.01), axis=0)
+        evidence = (cells + 0.5) * 0.01
+    if not legs:
+        warnings.append(
+            _warning("legs.none_found", f"Of {len(rejected) + len(refused)} things none is a leg.")
+        )
+    elif any(leg.status == "inferred" for leg in legs):
+        warnings.append(
+            _warning("legs.inferred", "A leg that no view could have seen is put by symmetry.")
+        )
+    places = np.array([(leg.x, leg.y) for leg in legs if leg.status == "measured"]).reshape(-1, 2)
+    if is_two_tables(frame, places):
+        message = "The legs stand as those of two tables that were pushed together."
+        warnings.append(_warning("accuracy.two_tables", message))
+    return Legs(tuple(legs), tuple(rejected + refused), evidence, tuple(warnings), beam, bias)
+
+
+def _usable_scans(
+    recording: Recording,
+    snapshots: tuple[Snapshot, ...],
+    registration: Registration,
+    frame: Frame,
+    poses: dict[int, Pose2],
+    config: LegsConfig,
+    warnings: list[ProcessWarning],
+) -> Scans | None:
+    """Gather the scans, or say why there are none that cut the legs."""
+    if recording.names.laser is None:
+        warnings.append(_warning("legs.no_laser", "No laser: legs rest on the depth camera alone."))
+        return None
+    mount = recording.base_from_laser(snapshots[min(poses)].stamp_ns)
+    tilt = float(np.arccos(np.clip(abs(mount[2, 2]), 0.0, 1.0)))
+    if tilt > _STEEPEST or mount[2, 3] > frame.surface.height.value - 0.05:
+        warnings.append(
+            _warning(
+                "legs.no_laser",
+                f"The laser, {mount[2, 3]:.2f} m high, tilted by {np.degrees(tilt):.0f} degrees, "
+                "does not cut the legs: they rest on the depth camera alone.",
+            )
+        )
+        return None
+    centre: Floats = frame.surface.outline.mean(axis=0)
+    scans = gather_scans(recording, snapshots, registration, poses, centre, config=config)
+    if scans is None:
+        message = "No scan near the table: legs rest on the depth camera alone."
+        warnings.append(_warning("legs.no_laser", message))
+    return scans
+
+
+def _warning(code: str, message: str) -> ProcessWarning:
+    return ProcessWarning(code, "legs", message)

@@ -1,0 +1,62 @@
+"""The wheels carry the base where no scan could be placed."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tablemap.config import OdometryConfig
+from tablemap.geometry import Floats
+from tablemap.stages.odometry.trajectory import Trajectory, composed, undone
+
+
+def bridge(
+    placed: Trajectory, wheels: Trajectory, *, config: OdometryConfig
+) -> tuple[Trajectory, NDArray[np.int64]]:
+    """Fill the gaps between placed scans by the wheels; return the gaps' stamps (g, 2) too.
+
+    A straight line between two scans is wrong as soon as the base drove a curve between them. In a
+    gap the trajectory follows the wheels, what they are off by at its end spread over the way;
+    before the first and after the last scan it follows them alone. ``wheels`` are in a frame of
+    their own, and cover the stamps of ``placed``.
+    """
+    way = wheels.way()
+    at = np.searchsorted(wheels.stamps_ns, placed.stamps_ns)
+    limit = config.gap_moves * config.moved
+    ends = np.concatenate([[0], at, [len(way) - 1]])
+    pieces, gaps = [], []
+    for k in np.flatnonzero(np.diff(way[ends]) > limit):
+        inside = np.arange(ends[k] + (k > 0), ends[k + 1] + (k == len(at)))
+        first = None if k == 0 else int(k - 1)
+        last = None if k == len(at) else int(k)
+        pieces.append((wheels.stamps_ns[inside], _carried(placed, wheels, at, inside, first, last)))
+        gaps.append((wheels.stamps_ns[ends[k]], wheels.stamps_ns[ends[k + 1]]))
+    if not pieces:
+        return placed, np.zeros((0, 2), dtype=np.int64)
+    stamps = np.concatenate([placed.stamps_ns, *(stamps for stamps, _ in pieces)])
+    poses = np.concatenate([placed.poses, *(poses for _, poses in pieces)])
+    stamps, first_of = np.unique(stamps, return_index=True)
+    return Trajectory(stamps, poses[first_of]), np.array(gaps, dtype=np.int64)
+
+
+def _carried(
+    placed: Trajectory,
+    wheels: Trajectory,
+    at: NDArray[np.int64],
+    inside: NDArray[np.int64],
+    first: int | None,
+    last: int | None,
+) -> Floats:
+    """Return (n, 3) the wheels' poses ``inside`` a gap between two placed scans (None: open)."""
+    anchor = last if first is None else first
+    assert anchor is not None
+    seen_from = undone(wheels.poses[at[anchor]])
+    carried = composed(placed.poses[anchor], composed(seen_from, wheels.poses[inside]))
+    if first is None or last is None:
+        return carried
+    arrived = composed(seen_from, wheels.poses[at[last]][None])
+    arrived = composed(placed.poses[first], arrived)[0]
+    off = composed(undone(arrived), placed.poses[last][None])[0]
+    way = wheels.way()
+    share = (way[inside] - way[at[first]]) / max(way[at[last]] - way[at[first]], 1e-9)
+    return composed(carried, share[:, None] * off)

@@ -1,0 +1,198 @@
+"""KISS-ICP over the laser scans that moved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tablemap.config import OdometryConfig
+from tablemap.errors import ProcessWarning
+from tablemap.events import Record
+from tablemap.geometry import Floats, Pose2
+from tablemap.recording import Recording
+from tablemap.stages.odometry.constraint import constrained, held_share
+from tablemap.stages.odometry.recorded import has_wheels
+from tablemap.stages.odometry.sweep import points_in_base, sweep_motion
+from tablemap.stages.odometry.trajectory import Trajectory
+
+_LEAST_POINTS = 30
+
+
+@dataclass(frozen=True, eq=False)
+class OdometryScan:
+    """Event: one scan as KISS-ICP placed it. ``points`` (n, 2) in the odometry's frame.
+
+    ``threshold`` (metres) is the kernel's scale that it was registered with; ``correction`` how far
+    (metres) it ended from where the prior had it, in the directions that it holds, before one that
+    is too far is refused.
+    """
+
+    stamp_ns: int
+    odom_from_base: Pose2
+    points: Floats
+    threshold: float
+    correction: float
+
+
+@dataclass(frozen=True, eq=False)
+class OdometryMap:
+    """Event: what KISS-ICP registers scans to. ``points`` (n, 2) in the odometry's frame."""
+
+    stamp_ns: int
+    points: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedScans:
+    """The base at the scans that were used, and how many were not.
+
+    ``left_open`` (n, 2, 2), in the odometry's frame, projects onto what the prior was kept in: the
+    directions that a scan did not hold, or all.
+    """
+
+    trajectory: Trajectory
+    skipped: int
+    left_open: Floats
+
+
+def place_scans(
+    recording: Recording, config: OdometryConfig, record: Record, warnings: list[ProcessWarning]
+) -> PlacedScans | None:
+    """Register the scans that moved, one after the other; None where there was none to use."""
+    on_wheels = has_wheels(recording)
+    recorded = recording.odom_from_base if on_wheels else recording.fixed_from_base
+
+    def base_at(stamp_ns: int) -> Pose2 | None:
+        matrix = recorded(stamp_ns)
+        return None if matrix is None else Pose2.projected(matrix)
+
+    threshold = config.threshold if on_wheels else config.threshold_without_wheels
+    kiss = _make_kiss(config, threshold)
+    start: Pose2 | None = None
+    last = last_prior = Pose2()
+    last_delta = Pose2()
+    last_ns = 0
+    stamps: list[int] = []
+    poses: list[Floats] = []
+    left_open: list[Floats] = []
+    skipped = standing = kept_prior = 0
+    between_maps_ns = (recording.end_ns - recording.start_ns) // config.event_maps
+    last_map_ns: int | None = None
+    for scan in recording.scans():
+        prior = base_at(scan.stamp_ns)
+        fixed = recording.fixed_from_base(scan.stamp_ns) if start is None else None
+        if prior is None or (start is None and fixed is None):
+            skipped += 1
+            continue
+        delta = Pose2()
+        if stamps:
+            if scan.stamp_ns <= last_ns:
+                skipped += 1
+                continue
+            delta = last_prior.inverse() @ prior
+            seconds = (scan.stamp_ns - last_ns) * 1e-9
+            if not on_wheels and _is_jump(delta, seconds, config):
+                delta = last_delta
+            if not _moved(delta, config):
+                standing += 1
+                if standing % config.standing_every:
+                    skipped += 1
+                    continue
+        motion, _ = sweep_motion(scan, base_at)
+        if motion is not None and _is_jump(motion, scan.time_increment * len(scan.ranges), config):
+            motion = None
+        base_from_laser = recording.base_from_laser(scan.stamp_ns)
+        points, valid = points_in_base(
+            scan,
+            base_from_laser,
+            maximum_range=config.maximum_range,
+            motion=motion,
+        )
+        frame = points[valid]
+        if len(frame) < _LEAST_POINTS:
+            skipped += 1
+            continue
+        if start is None:
+            assert fixed is not None
+            start = Pose2.projected(fixed)
+        used_threshold = float(kiss.adaptive_threshold.get_threshold())
+        moved = (last @ delta).inverse() @ _register(kiss, frame, last, delta)
+        held = np.eye(2)
+        if stamps:
+            shares = constrained(frame[:, :2], base_from_laser[:2, 3], voxel=config.voxel_size)
+            held = held_share(shares)
+            moved = Pose2.from_array([*(held @ moved.translation), moved.yaw])
+        correction = float(np.hypot(*moved.translation))
+        if correction > config.maximum_correction:
+            moved, held, kept_prior = Pose2(), np.zeros((2, 2)), kept_prior + 1
+        pose = last @ delta @ moved
+        kiss.last_pose = pose.lifted()
+        last_delta = last.inverse() @ pose
+        last, last_prior, last_ns = pose, prior, scan.stamp_ns
+        odom_from_base = start @ pose
+        stamps.append(scan.stamp_ns)
+        poses.append(odom_from_base.as_array())
+        turn = odom_from_base.rotation
+        left_open.append(turn @ (np.eye(2) - held) @ turn.T)
+        thinned = frame[:: -(-len(frame) // config.event_points), :2]
+        placed = odom_from_base.apply(thinned)
+        record(OdometryScan(scan.stamp_ns, odom_from_base, placed, used_threshold, correction))
+        if last_map_ns is None or scan.stamp_ns - last_map_ns >= between_maps_ns:
+            last_map_ns = scan.stamp_ns
+            record(OdometryMap(scan.stamp_ns, start.apply(kiss.local_map.point_cloud()[:, :2])))
+    if kept_prior:
+        message = f"{kept_prior} of {len(stamps)} scans moved too far from their prior and kept it"
+        warnings.append(ProcessWarning("odometry.kept_prior", "odometry", message))
+    if start is None:
+        return None
+    if last_map_ns != stamps[-1]:
+        record(OdometryMap(stamps[-1], start.apply(kiss.local_map.point_cloud()[:, :2])))
+    trajectory = Trajectory(np.array(stamps, dtype=np.int64), np.array(poses))
+    return PlacedScans(trajectory, skipped, np.array(left_open))
+
+
+def _make_kiss(config: OdometryConfig, threshold: float) -> Any:
+    # Imported here: it takes a second. Every section is given, or it would read the environment.
+    from kiss_icp.config import KISSConfig
+    from kiss_icp.config.config import (
+        AdaptiveThresholdConfig,
+        DataConfig,
+        MappingConfig,
+        RegistrationConfig,
+    )
+    from kiss_icp.kiss_icp import KissICP
+
+    return KissICP(
+        KISSConfig(
+            out_dir="",
+            data=DataConfig(max_range=config.maximum_range, min_range=0.0, deskew=False),
+            registration=RegistrationConfig(
+                max_num_iterations=100, convergence_criterion=1e-5, max_num_threads=1
+            ),
+            mapping=MappingConfig(voxel_size=config.voxel_size, max_points_per_voxel=20),
+            adaptive_threshold=AdaptiveThresholdConfig(
+                fixed_threshold=threshold, initial_threshold=threshold, min_motion_th=0.01
+            ),
+        )
+    )
+
+
+def _register(kiss: Any, frame: Floats, last: Pose2, delta: Pose2) -> Pose2:
+    kiss.last_pose = last.lifted()
+    kiss.last_delta = delta.lifted()
+    kiss.register_frame(frame, np.zeros(len(frame)))
+    return Pose2.projected(np.asarray(kiss.last_pose))
+
+
+def _moved(delta: Pose2, config: OdometryConfig) -> bool:
+    far = bool(np.hypot(delta.x, delta.y) > config.moved)
+    return far or bool(np.degrees(abs(delta.yaw)) > config.turned_deg)
+
+
+def _is_jump(delta: Pose2, seconds: float, config: OdometryConfig) -> bool:
+    # Two centimetres and half a degree: what a localisation may jitter between two scans.
+    far = np.hypot(delta.x, delta.y) > config.maximum_speed * seconds + 0.02
+    turned = np.degrees(abs(delta.yaw)) > config.maximum_turn_deg * seconds + 0.5
+    return bool(far or turned)

@@ -1,0 +1,172 @@
+"""Where the base was between the stops: by the laser, by the wheels where it saw too little."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tablemap.config import OdometryConfig
+from tablemap.errors import ProcessWarning
+from tablemap.events import Record
+from tablemap.geometry import Floats
+from tablemap.recording import Recording
+from tablemap.stages.odometry.bridging import bridge
+from tablemap.stages.odometry.placing import PlacedScans, place_scans
+from tablemap.stages.odometry.recorded import (
+    has_wheels,
+    known_poses,
+    recorded_trajectory,
+    sampled,
+    thinned_stamps,
+)
+from tablemap.stages.odometry.trajectory import Trajectory
+from tablemap.stages.snapshots import Snapshot
+
+# How the error of each source grows with the way, as standard deviations a metre (x, y, yaw): the
+# first two as measured on simulated laps, the last so loose that a localisation's jump fits in.
+_ERROR_PER_METRE = {
+    "laser": (0.004, 0.004, 0.001),
+    "wheels": (0.03, 0.03, 0.015),
+    "localisation": (0.08, 0.08, 0.04),
+}
+# What even a short way costs: interpolation between scans, a stop's own jitter.
+_LEAST_ERROR = {
+    "laser": (0.004, 0.004, 0.0015),
+    "wheels": (0.004, 0.004, 0.004),
+    "localisation": (0.03, 0.03, 0.02),
+}
+_SHORTEST_WAY = 0.1  # metres
+_OPEN_SHARE = 0.1  # of the way, in some direction: less is no corridor
+
+
+@dataclass(frozen=True, eq=False)
+class Odometry:
+    """Motion of the base in a frame of its own (its first pose is the localised one).
+
+    ``source`` is ``laser``, ``wheels`` or ``localisation``, whichever it had to rest on; ``gaps``
+    (g, 2) are the stamps between which no scan could be placed and the wheels bridge the laser's.
+    ``open_way`` (n, 2, 2), at the trajectory's stamps and in its frame, is how many metres up to
+    there, of each direction, the scans left open (along a corridor) to the motion recorded beside
+    them. ``localised`` and ``wheels`` are the recorded trajectories at the same stamps (``wheels``
+    None without them).
+    """
+
+    trajectory: Trajectory
+    localised: Trajectory
+    wheels: Trajectory | None
+    source: str
+    scans_used: int
+    scans_skipped: int
+    gaps: NDArray[np.int64]
+    open_way: Floats
+    warnings: tuple[ProcessWarning, ...]
+
+    def covariance_between(self, first_ns: int, second_ns: int) -> Floats:
+        """Return the (3, 3) covariance of the motion between two stamps, longer ways looser.
+
+        In the base's frame at the first.
+        """
+        way = self.trajectory.way_between(first_ns, second_ns)
+        bridged = sum(
+            self.trajectory.way_between(*np.clip(gap, first_ns, second_ns)) for gap in self.gaps
+        )
+        covariance = self.covariance_over(max(way - bridged, _SHORTEST_WAY), bridged)
+        at = self.trajectory.stamps_ns.astype(np.float64)
+        left = [np.interp([first_ns, second_ns], at, one) for one in self.open_way.reshape(-1, 4).T]
+        turn = self.trajectory.at(first_ns).rotation
+        left_open = turn.T @ np.diff(left, axis=1).reshape(2, 2) @ turn
+        prior = "localisation" if self.wheels is None else "wheels"
+        covariance[:2, :2] += _ERROR_PER_METRE[prior][0] ** 2 * left_open
+        return covariance
+
+    def covariance_over(self, way: float, bridged: float = 0.0) -> Floats:
+        """Return the (3, 3) covariance of the motion over metres of way, and bridged ones."""
+        variances = np.square(_ERROR_PER_METRE[self.source]) * way
+        variances += np.square(_ERROR_PER_METRE["wheels"]) * bridged
+        least = "wheels" if bridged and self.source == "laser" else self.source
+        return np.diag(variances + np.square(_LEAST_ERROR[least]))
+
+
+def estimate_odometry(
+    recording: Recording,
+    snapshots: tuple[Snapshot, ...],
+    *,
+    config: OdometryConfig,
+    record: Record,
+) -> Odometry:
+    """Run KISS-ICP over the scans of the whole drive, or fall back to what was recorded.
+
+    Scans are streamed; those that moved are used, de-skewed by the recorded motion. Each used one
+    goes to ``record`` as an `OdometryScan`, and now and then the map as an `OdometryMap`. Where no
+    scan could be placed the wheels bridge the gap. Raises `EstimationError` where there is no pose
+    at all.
+    Source of the method: Vizzo et al., KISS-ICP, RA-L 2023, here in the plane and with a prior.
+    """
+    warnings: list[ProcessWarning] = []
+    placed = place_scans(recording, config, record, warnings) if recording.names.laser else None
+    on_wheels = has_wheels(recording)
+    gaps = np.zeros((0, 2), dtype=np.int64)
+    if placed is not None and len(placed.trajectory.stamps_ns) >= 2:
+        trajectory, source = placed.trajectory, "laser"
+        used, skipped = len(trajectory.stamps_ns), placed.skipped
+        if on_wheels:
+            stamps = np.union1d(thinned_stamps(recording), trajectory.stamps_ns)
+            wheels = known_poses(recording.odom_from_bases, stamps)
+            trajectory, gaps = bridge(trajectory, wheels, config=config)
+            warnings += _bridged(trajectory, gaps)
+        open_way = _open_way(placed, trajectory.stamps_ns)
+        warnings += _left_open(trajectory, open_way, "wheels" if on_wheels else "localisation")
+    else:
+        trajectory, source = recorded_trajectory(recording, snapshots)
+        open_way = np.zeros((len(trajectory.stamps_ns), 2, 2))
+        used, skipped = 0, placed.skipped if placed else 0
+        code = "odometry.no_laser" if source == "wheels" else "odometry.no_wheels"
+        message = f"no usable laser scan; the motion between the stops is that of the {source}"
+        warnings.append(ProcessWarning(code, "odometry", message))
+    at = trajectory.stamps_ns
+    return Odometry(
+        trajectory=trajectory,
+        localised=sampled(recording.fixed_from_bases, at),
+        wheels=sampled(recording.odom_from_bases, at) if on_wheels else None,
+        source=source,
+        scans_used=used,
+        scans_skipped=skipped,
+        gaps=gaps,
+        open_way=open_way,
+        warnings=tuple(warnings),
+    )
+
+
+def _open_way(placed: PlacedScans, stamps_ns: NDArray[np.int64]) -> Floats:
+    """Return (n, 2, 2) metres of way, up to each stamp, that the placed scans left open."""
+    steps = np.diff(placed.trajectory.way())[:, None, None] * placed.left_open[1:]
+    summed = np.concatenate([np.zeros((1, 2, 2)), np.cumsum(steps, axis=0)]).reshape(-1, 4)
+    known = placed.trajectory.stamps_ns.astype(np.float64)
+    each = [np.interp(stamps_ns.astype(np.float64), known, column) for column in summed.T]
+    return np.stack(each, axis=1).reshape(-1, 2, 2)
+
+
+def _left_open(trajectory: Trajectory, open_way: Floats, prior: str) -> list[ProcessWarning]:
+    way, most = trajectory.way()[-1], float(np.trace(open_way[-1]))
+    if most <= _OPEN_SHARE * way:
+        return []
+    message = (
+        f"over {most:.1f} of {way:.1f} m the laser saw nothing that holds along one direction, "
+        f"as in a corridor; along it the motion is that of the {prior}"
+    )
+    first = int(np.argmax(np.trace(open_way, axis1=1, axis2=2) > 0))
+    stamp_ns = int(trajectory.stamps_ns[first])
+    return [ProcessWarning("odometry.left_open", "odometry", message, stamp_ns)]
+
+
+def _bridged(trajectory: Trajectory, gaps: NDArray[np.int64]) -> list[ProcessWarning]:
+    if not len(gaps):
+        return []
+    ways = [trajectory.way_between(*gap) for gap in gaps]
+    message = (
+        f"no laser scan could be placed over {sum(ways):.1f} of {trajectory.way()[-1]:.1f} m "
+        f"({len(gaps)} gaps, the longest {max(ways):.1f} m); the wheels bridge that"
+    )
+    return [ProcessWarning("odometry.bridged", "odometry", message, int(gaps[0][0]))]

@@ -1,0 +1,313 @@
+"""Sub-pixel points along the end of the top, what made each, and their place on the plane."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
+
+from tablemap.config import OutlineConfig
+from tablemap.geometry import Floats
+from tablemap.stages.outline.occupancy import Occupancy
+from tablemap.stages.outline.plane import ViewPlane, axial_noise
+from tablemap.stages.outline.result import EdgeKind
+from tablemap.stages.snapshots import Snapshot
+
+
+@dataclass(frozen=True, eq=False)
+class Contour:
+    """Edge points in the image: ``place`` (n, 2) column and row in the window, ``outward`` (n, 2).
+
+    ``outward`` are unit vectors in the image. ``gap`` (n,) counts the unknown pixels next to the
+    point; ``is_face`` (n,) says that the image's downward direction leads out of the top here.
+    """
+
+    place: Floats
+    outward: Floats
+    kind: NDArray[np.uint8]
+    gap: Floats
+    is_face: NDArray[np.bool_]
+
+
+def trace(seen: Occupancy, snapshot: Snapshot, *, config: OutlineConfig) -> Contour:
+    """Find where the top ends, to a fraction of a pixel where something below begins."""
+    place = _crossings(seen.share, config.thinning_px)
+    step, steep = _outward(seen.share, place)
+    place, step = place[steep], step[steep]
+    kind, gap, real = _judge(seen, snapshot, place, step, config)
+    place, step, kind, gap = place[real], step[real], kind[real], gap[real]
+
+    other_place, other_step, other_kind = _unknown_ends(seen, config)
+    place = np.concatenate([place, other_place])
+    step = np.concatenate([step, other_step])
+    kind = np.concatenate([kind, other_kind])
+    gap = np.concatenate([gap, np.zeros(len(other_place))])
+    return Contour(place, step, kind, gap, np.sum(step * _down(seen, snapshot, place), axis=1) > 0)
+
+
+def _down(seen: Occupancy, snapshot: Snapshot, place: Floats) -> Floats:
+    """Return (n, 2) unit image vectors towards the nadir's vanishing point."""
+    camera = snapshot.camera
+    nadir = -snapshot.base_from_camera[2, :3]
+    x = (place[:, 0] + seen.origin[1] - camera.cx) / camera.fx
+    y = (place[:, 1] + seen.origin[0] - camera.cy) / camera.fy
+    down = np.column_stack(
+        [(nadir[0] - x * nadir[2]) * camera.fx, (nadir[1] - y * nadir[2]) * camera.fy]
+    )
+    length: Floats = np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-12)
+    return down / length
+
+
+def _crossings(share: NDArray[np.float32], every: int) -> Floats:
+    """Return (n, 2) column and row of the half-share level, on every so-manieth row and column.
+
+    Each stretch of the contour is cut by the lines that it crosses more squarely.
+    """
+    with np.errstate(invalid="ignore"):
+        above = share > 0.5
+    defined = np.isfinite(share)
+    places = []
+    for axis in (1, 0):
+        grid, high, valid = (image if axis == 1 else image.T for image in (share, above, defined))
+        lines = grid[::every], high[::every], valid[::every]
+        change = (lines[1][:, 1:] != lines[1][:, :-1]) & lines[2][:, 1:] & lines[2][:, :-1]
+        line, first = np.nonzero(change)
+        line = line * every
+        a, b = grid[line, first].astype(np.float64), grid[line, first + 1].astype(np.float64)
+        along = first + (0.5 - a) / (b - a)
+        middle = np.clip(np.round(along).astype(int), 1, grid.shape[1] - 2)
+        inside = (line > 0) & (line < grid.shape[0] - 1)
+        middle, line, along = middle[inside], line[inside], along[inside]
+        here = np.abs(grid[line, middle + 1] - grid[line, middle - 1])
+        across = np.abs(grid[line + 1, middle] - grid[line - 1, middle])
+        # Of a contour at 45 degrees either cut will do, and one of them is taken.
+        squarely = here >= across if axis == 1 else here > across
+        pair = (along, line) if axis == 1 else (line, along)
+        places.append(np.column_stack(pair)[squarely])
+    return np.concatenate(places).astype(np.float64).reshape(-1, 2)
+
+
+def _outward(image: NDArray[np.float32], place: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return (n, 2) unit vectors down the image's gradient and whether there is a gradient."""
+    if len(place) == 0:
+        return np.zeros((0, 2)), np.zeros(0, dtype=bool)
+    u = np.clip(np.round(place[:, 0]).astype(int), 1, image.shape[1] - 2)
+    v = np.clip(np.round(place[:, 1]).astype(int), 1, image.shape[0] - 2)
+    nine = np.arange(-1, 2)
+    around = image[v[:, None, None] + nine[:, None], u[:, None, None] + nine]
+    around = np.where(np.isfinite(around), around, image[v, u][:, None, None])
+    smoothing = np.array([1.0, 2.0, 1.0])
+    across = (around[:, :, 2] - around[:, :, 0]) @ smoothing / 8
+    along = (around[:, 2, :] - around[:, 0, :]) @ smoothing / 8
+    step = -np.column_stack([across, along]).astype(np.float64)
+    length = np.linalg.norm(step, axis=1)
+    return step / np.maximum(length, 1e-9)[:, None], length > 0.02
+
+
+def _sample(
+    image: NDArray[np.bool_], place: Floats, step: Floats, distances: Floats
+) -> NDArray[np.bool_]:
+    """Return (n, k): the image at the pixels nearest to the points so far along their steps."""
+    at = place[:, None, :] + step[:, None, :] * distances[None, :, None]
+    u = np.clip(np.round(at[..., 0]).astype(int), 0, image.shape[1] - 1)
+    v = np.clip(np.round(at[..., 1]).astype(int), 0, image.shape[0] - 1)
+    taken: NDArray[np.bool_] = image[v, u]
+    return taken
+
+
+def _judge(
+    seen: Occupancy, snapshot: Snapshot, place: Floats, step: Floats, config: OutlineConfig
+) -> tuple[NDArray[np.uint8], Floats, NDArray[np.bool_]]:
+    """Say what each crossing is, how many pixels near it are unknown, and whether it is one at all.
+
+    A table edge has top on one side, deep enough that it is no strip of an upright face, and
+    nothing in front close by.
+    """
+    n = len(place)
+    kind = np.full(n, EdgeKind.TABLE, dtype=np.uint8)
+    if n == 0:
+        return kind, np.zeros(0), np.zeros(0, dtype=bool)
+    u = np.round(place[:, 0]).astype(int)
+    v = np.round(place[:, 1]).astype(int)
+    fall = np.maximum(-seen.fall[v, u].astype(np.float64), 0.02)
+    range_px = 1 / _metres_per_px(seen, snapshot, u, v)
+    strip = 2 * seen.tau[v, u] * range_px + 3
+    depth_px = np.clip(np.maximum(config.support * range_px * fall, strip), 4, 24)
+
+    inward = np.linspace(0.2, 1.0, 9)
+    at = place[:, None, :] - step[:, None, :] * (inward[None, :, None] * depth_px[:, None, None])
+    cu = np.clip(np.round(at[..., 0]).astype(int), 0, seen.top.shape[1] - 1)
+    cv = np.clip(np.round(at[..., 1]).astype(int), 0, seen.top.shape[0] - 1)
+    support = seen.top[cv, cu].mean(axis=1)
+    blocked = seen.front[cv, cu].any(axis=1)
+    lost = seen.missing[cv, cu].mean(axis=1)
+
+    ahead = np.arange(0.5, 7.0)
+    solid = _sample(seen.below, place, step, ahead)
+    bridged = _sample(seen.bridged, place, step, ahead[:4]).any(axis=1)
+    front_ahead = _sample(seen.front, place, step, ahead[:5]).any(axis=1)
+    crowd = uniform_filter(seen.front.astype(np.float32), config.clearance_px, mode="nearest")[v, u]
+    first = np.where(solid.any(axis=1), solid.argmax(axis=1), len(ahead))
+    behind = _sample(seen.top, place, -step, ahead)
+    last = np.where(behind.any(axis=1), behind.argmax(axis=1), len(ahead))
+    gap = np.maximum(first + last - 1.0, 0.0) + 2.0 * bridged
+
+    kind[(gap > config.gap_px) & ~bridged] = EdgeKind.MISSING
+    kind[front_ahead | (crowd > 0.02) | blocked] = EdgeKind.OCCLUDED
+    left, upper, right, lower = seen.border
+    rim = config.border_px
+    at_border = (
+        (place[:, 0] < left + rim)
+        | (place[:, 0] > right - rim)
+        | (place[:, 1] < upper + rim)
+        | (place[:, 1] > lower - rim)
+    )
+    kind[at_border] = EdgeKind.BORDER
+    real = (support + lost > 0.75) | ((kind == EdgeKind.OCCLUDED) & (support > 0.3))
+    return kind, gap, real & (support > 0.3)
+
+
+def _unknown_ends(
+    seen: Occupancy, config: OutlineConfig
+) -> tuple[Floats, Floats, NDArray[np.uint8]]:
+    """Return the ends of the top, to a pixel, where an occluder, no depth or the border is next."""
+    kinds = np.full(seen.top.shape, 255, dtype=np.uint8)
+    rim = config.border_px
+    left, upper, right, lower = seen.border
+    rows, columns = np.arange(seen.top.shape[0])[:, None], np.arange(seen.top.shape[1])[None, :]
+    # The border of the usable image, one pixel wide.
+    frame = ((rows == np.ceil(upper + rim)) | (rows == np.floor(lower - rim))) & (
+        (columns >= left + rim) & (columns <= right - rim)
+    ) | ((columns == np.ceil(left + rim)) | (columns == np.floor(right - rim))) & (
+        (rows >= upper + rim) & (rows <= lower - rim)
+    )
+    solid = seen.smooth_top > 0.25
+    kinds[frame & seen.top & solid] = EdgeKind.BORDER
+    inside = (
+        (rows > upper + rim)
+        & (rows < lower - rim)
+        & (columns > left + rim)
+        & (columns < right - rim)
+    )
+    for kind, mask, least in (
+        (EdgeKind.MISSING, seen.missing, 0.3),
+        (EdgeKind.OCCLUDED, seen.front, 0.25),
+    ):
+        crowd = uniform_filter(mask.astype(np.float32), 5, mode="nearest") > least
+        beside = np.zeros_like(mask)
+        beside[:, 1:] |= mask[:, :-1]
+        beside[:, :-1] |= mask[:, 1:]
+        beside[1:] |= mask[:-1]
+        beside[:-1] |= mask[1:]
+        kinds[beside & crowd & seen.top & solid & inside] = kind
+    v, u = np.nonzero(kinds != 255)
+    # A diagonal thinning takes one point in so many along rows and columns alike.
+    keep = (u + 2 * v) % config.thinning_px == 0
+    v, u = v[keep], u[keep]
+    place = np.column_stack([u, v]).astype(np.float64)
+    step, _ = _outward(seen.smooth_top, place)
+    return place, step, kinds[v, u]
+
+
+def _metres_per_px(
+    seen: Occupancy, snapshot: Snapshot, u: NDArray[np.intp], v: NDArray[np.intp]
+) -> Floats:
+    """Return (n,) what a pixel spans at the plane's distance, across the ray."""
+    fall = np.maximum(-seen.fall[v, u].astype(np.float64), 0.02)
+    span: Floats = np.maximum(seen.offset / fall, 0.1) / snapshot.camera.fy
+    return span
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedContour:
+    """A contour on the top's plane, in the base: metres (see `ViewEdges`)."""
+
+    points: Floats
+    normals: Floats
+    sigma: Floats
+    is_near: NDArray[np.bool_]
+
+
+def place_on_plane(
+    seen: Occupancy,
+    contour: Contour,
+    snapshot: Snapshot,
+    *,
+    plane: ViewPlane,
+    thickness: float | None = None,
+    rim: float = 0.0,
+    config: OutlineConfig,
+) -> PlacedContour:
+    """Intersect the edge points' rays with the top's plane.
+
+    Where the side face is towards the camera its upper strip passed for top, so the boundary ray
+    meets the face a tolerance (or the whole thickness, where that is less) below the plane. Where
+    the edge is bevelled or rounded the face lies ``rim`` metres further out.
+    """
+    camera, pose = snapshot.camera, snapshot.base_from_camera
+    window = contour.place
+    u = np.clip(np.round(window[:, 0]).astype(int), 0, seen.top.shape[1] - 1)
+    v = np.clip(np.round(window[:, 1]).astype(int), 0, seen.top.shape[0] - 1)
+    tau = seen.tau[v, u].astype(np.float64)
+    is_table = contour.kind == EdgeKind.TABLE
+    strip = tau
+    if thickness is not None:
+        # What is left of a face but a pixel or so high is half lost in the smoothing.
+        left = thickness - tau
+        narrow = left < 1.5 * _metres_per_px(seen, snapshot, u, v)
+        strip = np.where(narrow, tau + np.where(left > 0, 0.5, 1.0) * left, tau)
+    lower = np.where(contour.is_face & is_table, strip, 0.0)
+
+    pixel = window + np.array([seen.origin[1], seen.origin[0]])
+    ray = np.column_stack(
+        [
+            (pixel[:, 0] - camera.cx) / camera.fx,
+            (pixel[:, 1] - camera.cy) / camera.fy,
+            np.ones(len(pixel)),
+        ]
+    )
+    fall = np.minimum(ray @ seen.normal, -1e-3)
+    depth = -(seen.offset + lower) / fall
+    in_base = ray @ pose[:3, :3].T
+    points = pose[:2, 3] + depth[:, None] * in_base[:, :2]
+
+    # d(xy)/d(pixel): along the ray's change, and along the ray by the change of its depth.
+    change = []
+    for axis, focal in ((0, camera.fx), (1, camera.fy)):
+        slope = seen.normal[axis] / focal
+        turn = pose[:2, axis] / focal
+        change.append(depth[:, None] * turn - (depth * slope / fall)[:, None] * in_base[:, :2])
+    jacobian = np.stack(change, axis=-1)  # (n, 2, 2): columns are d/du, d/dv
+    determinant = jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] * jacobian[:, 1, 0]
+    determinant = np.where(np.abs(determinant) < 1e-12, 1e-12, determinant)
+    # A contour's normal maps by the inverse transpose.
+    across = (
+        np.column_stack(
+            [
+                jacobian[:, 1, 1] * contour.outward[:, 0]
+                - jacobian[:, 1, 0] * contour.outward[:, 1],
+                -jacobian[:, 0, 1] * contour.outward[:, 0]
+                + jacobian[:, 0, 0] * contour.outward[:, 1],
+            ]
+        )
+        / determinant[:, None]
+    )
+    length = np.maximum(np.linalg.norm(across, axis=1), 1e-9)
+    normals = across / length[:, None]
+    points = points + np.where(lower > 0, rim, 0.0)[:, None] * normals
+    metres_per_px = 1 / length
+
+    away = in_base[:, :2] / -fall[:, None]  # metres along the ground per metre of height
+    leverage = np.abs(np.sum(normals * away, axis=1))
+    pixels_sigma = np.hypot(config.edge_sigma_px, contour.gap * 0.29)
+    pixels_sigma[~is_table] = np.maximum(pixels_sigma[~is_table], 1.0)
+    # On a face the crossing itself is as uncertain as a depth there; smoothing over some dozen
+    # pixels mends what they don't share.
+    smoothed = plane.noise * np.sqrt(plane.shared + (1 - plane.shared) / 12)
+    face_sigma = np.where(lower > 0, smoothed * axial_noise(depth) * -fall, 0.0)
+    if thickness is None:
+        face_sigma = np.hypot(face_sigma, np.where(lower > 0, config.face_sigma, 0.0))
+    sigma = np.hypot(pixels_sigma * metres_per_px, leverage * face_sigma)
+    return PlacedContour(points, normals, sigma, contour.is_face)

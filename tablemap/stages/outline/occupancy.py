@@ -1,0 +1,279 @@
+"""Which pixels are top, which rays passed its plane, and where neither is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, maximum_filter, uniform_filter
+
+from tablemap.config import OutlineConfig
+from tablemap.geometry import Floats
+from tablemap.stages.outline.plane import ViewPlane, axial_noise
+from tablemap.stages.segmentation import Label
+from tablemap.stages.snapshots import Snapshot
+
+Mask = NDArray[np.bool_]
+Floats32 = NDArray[np.float32]
+
+MARGIN_PX = 28
+"""Pixels of surroundings kept round the top: what an edge point looks at."""
+
+
+@dataclass(frozen=True, eq=False)
+class Occupancy:
+    """A window of one view, cut round its top; all images are (rows, columns) of the window.
+
+    ``height`` is metres above the top's plane (NaN: no depth), ``fall`` the height that a ray loses
+    per metre of depth (negative), ``tau`` the tolerance within which a pixel passes for top.
+    ``bridged`` are the pixels of sensor shadows, counted as below. ``share`` is the smoothed share
+    of top among what is known to be top or below, NaN where too little is known; ``gradient`` (2,
+    rows, columns) that of the smoothed top. ``border`` (left, top, right, bottom) are the window
+    coordinates of the outermost pixels with depth; ``origin`` is the window's (row, column).
+    """
+
+    origin: tuple[int, int]
+    depth: Floats32
+    height: Floats32
+    fall: Floats32
+    tau: Floats32
+    top: Mask
+    below: Mask
+    front: Mask
+    missing: Mask
+    bridged: Mask
+    share: Floats32
+    smooth_top: Floats32
+    border: tuple[float, float, float, float]
+    normal: Floats
+    offset: float
+
+
+def observe(
+    snapshot: Snapshot, labels: NDArray[np.uint8], plane: ViewPlane, *, config: OutlineConfig
+) -> Occupancy | None:
+    """Tell top, below, front and missing apart round the pixels labelled as top.
+
+    Returns None where no pixel is labelled so.
+    """
+    window = _window(labels)
+    if window is None:
+        return None
+    rows, columns = window
+    depth = snapshot.depth[rows, columns]
+    label = labels[rows, columns]
+    normal, offset = plane.in_camera(snapshot.base_from_camera)
+    fall = snapshot.camera.rays[rows, columns] @ normal.astype(np.float32)
+    known = np.isfinite(depth) & (depth > 0)
+    height = np.where(known, depth * fall + np.float32(offset), np.float32(np.nan))
+
+    tau = _tolerance(fall, offset, plane.noise, config)
+    near_core = maximum_filter((label == Label.TOP).astype(np.uint8), 11) > 0
+    with np.errstate(invalid="ignore"):
+        level = np.abs(height) <= tau
+        front = height > tau
+        below = height < -tau
+    top = level & near_core & (label != Label.OTHER_TOP)
+    front |= known & (label == Label.OTHER_TOP)
+    below &= ~front
+    # Single flying pixels occlude nothing.
+    front &= uniform_filter(front.astype(np.float32), 3, mode="nearest") > 3.5 / 9
+
+    smooth_top = gaussian_filter(top.astype(np.float32), config.smoothing_px, truncate=3.0)
+    below &= ~_mixed(depth, height, fall, below, smooth_top, snapshot, rows, columns, config)
+    bridged = _shadowed(depth, top, below, front, known, snapshot.camera.fx, config.baseline)
+    smooth_top, share = _filled(top, below, bridged, ~known, config)
+    return Occupancy(
+        origin=(rows.start, columns.start),
+        depth=depth,
+        height=height,
+        fall=fall,
+        tau=tau,
+        top=top,
+        below=below | bridged,
+        front=front,
+        missing=~known & ~bridged,
+        bridged=bridged,
+        share=share,
+        smooth_top=smooth_top,
+        border=_border(snapshot.depth, rows, columns),
+        normal=normal,
+        offset=offset,
+    )
+
+
+def _window(labels: NDArray[np.uint8]) -> tuple[slice, slice] | None:
+    """Return the rows and columns of the top with a margin."""
+    top = labels == Label.TOP
+    rows, columns = np.flatnonzero(top.any(axis=1)), np.flatnonzero(top.any(axis=0))
+    if len(rows) == 0:
+        return None
+    height, width = labels.shape
+    return (
+        slice(max(rows[0] - MARGIN_PX, 0), min(rows[-1] + MARGIN_PX + 1, height)),
+        slice(max(columns[0] - MARGIN_PX, 0), min(columns[-1] + MARGIN_PX + 1, width)),
+    )
+
+
+def _tolerance(fall: Floats32, offset: float, noise: float, config: OutlineConfig) -> Floats32:
+    """Return, for each pixel, how far from the plane a depth may be and still pass for top."""
+    steep = np.minimum(fall, np.float32(-1e-3))
+    on_plane = np.minimum(-np.float32(offset) / steep, np.float32(8.0))
+    sigma = np.float32(noise) * axial_noise(on_plane) * -steep
+    tolerance: Floats32 = np.clip(
+        config.tolerance_sigmas * sigma, config.tolerance_min, config.tolerance_max
+    ).astype(np.float32)
+    return tolerance
+
+
+def _mixed(
+    depth: Floats32,
+    height: Floats32,
+    fall: Floats32,
+    below: Mask,
+    smooth_top: Floats32,
+    snapshot: Snapshot,
+    rows: slice,
+    columns: slice,
+    config: OutlineConfig,
+) -> Mask:
+    """Find pixels that hang between the top's edge and what is behind it: they saw both.
+
+    A visible side face hangs there too, and is kept.
+    """
+    mixed = np.zeros(depth.shape, dtype=bool)
+    v, u = np.nonzero(below & (smooth_top > 0.01))
+    if len(v) == 0:
+        return mixed
+    reach = np.arange(-config.mixed_px, config.mixed_px + 1)
+    dv, du = (grid.ravel() for grid in np.meshgrid(reach, reach, indexing="ij"))
+    around = depth[
+        np.clip(v[:, None] + dv, 0, depth.shape[0] - 1),
+        np.clip(u[:, None] + du, 0, depth.shape[1] - 1),
+    ]
+    around = np.where(np.isfinite(around), around, 0)
+    own = depth[v, u]
+    deeper = around.max(axis=1) - own > config.mixed_jump + 6 * axial_noise(own)
+
+    # The image direction of "down": towards the nadir's vanishing point.
+    nadir = -snapshot.base_from_camera[2, :3]
+    ray = snapshot.camera.rays[rows, columns][v, u]
+    down = nadir[:2] - ray[:, :2] * nadir[2]
+    outward = -_gradient(smooth_top, v, u)
+    faces_camera = np.sum(outward * down, axis=1) > 0
+    face = faces_camera & (height[v, u] > -config.face_depth)
+    hanging = deeper & ~face
+    mixed[v[hanging], u[hanging]] = True
+    return mixed
+
+
+def _gradient(image: Floats32, v: NDArray[np.intp], u: NDArray[np.intp]) -> Floats:
+    """Return (n, 2) the image's gradient (column, row) at whole pixels."""
+    bottom, right = image.shape[0] - 1, image.shape[1] - 1
+    across = image[v, np.minimum(u + 1, right)] - image[v, np.maximum(u - 1, 0)]
+    along = image[np.minimum(v + 1, bottom), u] - image[np.maximum(v - 1, 0), u]
+    return np.column_stack([across, along]).astype(np.float64)
+
+
+def _shadowed(
+    depth: Floats32, top: Mask, below: Mask, front: Mask, known: Mask, fx: float, baseline: float
+) -> Mask:
+    """Find missing pixels that a projector beside the camera may have left dark, next to the top.
+
+    They lie in a row between something below and the top, no further from the top than the
+    baseline's parallax, on the side where this sensor's gaps are wide.
+    """
+    found = np.zeros(depth.shape, dtype=bool)
+    missing = ~known
+    if not top.any() or not missing.any():
+        return found
+    # Disparity of what is behind near a pixel; along a ragged edge its own row may not show it.
+    weight = uniform_filter(below.astype(np.float32), 17, mode="constant")
+    inverse = np.zeros(depth.shape, dtype=np.float32)
+    np.divide(1.0, depth, out=inverse, where=below)
+    inverse = uniform_filter(inverse, 17, mode="constant")
+    around = np.full(depth.shape, np.nan, dtype=np.float32)
+    np.divide(inverse, weight, out=around, where=weight > 5 / 17**2)
+    candidates = []
+    for flip in (False, True):
+        turned = slice(None, None, -1 if flip else 1)
+        z, behind = depth[:, turned], around[:, turned]
+        is_top, is_below, gone = top[:, turned], below[:, turned], missing[:, turned]
+        sure = is_top | is_below | front[:, turned]
+        width = z.shape[1]
+        columns = np.arange(width, dtype=np.int32)
+        before = np.maximum.accumulate(np.where(is_below, columns, np.int32(-1)), axis=1)
+        last = np.maximum.accumulate(np.where(sure, columns, np.int32(-1)), axis=1)
+        ahead = np.minimum.accumulate(np.where(is_top, columns, np.int32(width))[:, ::-1], axis=1)[
+            :, ::-1
+        ]
+        in_row = (before >= 0) & (before == last)
+        v, u = np.nonzero(gone & (in_row | np.isfinite(behind)) & (ahead < width))
+        left, right = before[v, u], ahead[v, u]
+        background = np.where(in_row[v, u], 1 / z[v, np.maximum(left, 0)], behind[v, u])
+        parallax = fx * baseline * (1 / z[v, right] - background)
+        # A gap that something below ends must be no wider than its shadow as a whole.
+        reach = np.where(in_row[v, u], right - left - 1, right - u)
+        inside = reach <= parallax + 2
+        v, u, left, right = v[inside], u[inside], left[inside], right[inside]
+        wide = int(np.sum(in_row[v, u] & (right - left - 1 > 3)))
+        candidates.append((wide, v, (width - 1 - u) if flip else u))
+    (first, *at_first), (second, *at_second) = candidates
+    most, at = (first, at_first) if first >= second else (second, at_second)
+    if most < 20 or most < 2 * min(first, second):
+        return found
+    found[at[0], at[1]] = True
+    return found
+
+
+def _filled(
+    top: Mask, below: Mask, shadowed: Mask, missing: Mask, config: OutlineConfig
+) -> tuple[Floats32, Floats32]:
+    """Return the smoothed top, and its share of what is known to be top or below.
+
+    A missing pixel that may be shadowed is evidence: if it were below, it would be missing for
+    certain; if it were top, only by a dropout. Others say nothing.
+    """
+
+    def smooth(image: NDArray[np.generic]) -> Floats32:
+        result: Floats32 = gaussian_filter(
+            image.astype(np.float32), config.smoothing_px, truncate=3.0
+        )
+        return result
+
+    smooth_top, smooth_below = smooth(top), smooth(below)
+    if shadowed.any():
+        known_top, part = smooth_top, smooth(shadowed)
+        known = smooth_top + smooth_below + part
+        share = np.divide(smooth_top, known, out=np.zeros_like(known), where=known > 0.05)
+        rim = (share > 0.5) & (share < 0.95) & ~shadowed
+        dropout = np.float32(np.clip(missing[rim].mean() if rim.any() else 0.1, 0.02, 0.5))
+        chance = np.zeros_like(known)
+        for _ in range(2):
+            prior = share[shadowed] * dropout
+            chance[shadowed] = prior / (prior + 1 - share[shadowed] + 1e-6)
+            smooth_top = known_top + smooth(chance)
+            np.divide(smooth_top, known, out=share, where=known > 0.05)
+        smooth_below = known - smooth_top
+    weight = smooth_top + smooth_below
+    share = np.full(top.shape, np.nan, dtype=np.float32)
+    np.divide(smooth_top, weight, out=share, where=weight > 0.12)
+    return smooth_top, share
+
+
+def _border(
+    depth: NDArray[np.float32], rows: slice, columns: slice
+) -> tuple[float, float, float, float]:
+    """Return the window coordinates (left, top, right, bottom) where the image's depths end."""
+    known = np.isfinite(depth[::4, ::4]) & (depth[::4, ::4] > 0)
+    v = np.flatnonzero(np.isfinite(depth).any(axis=1))
+    u = np.flatnonzero(np.isfinite(depth).any(axis=0))
+    if not known.any() or len(v) == 0 or len(u) == 0:
+        return 0.0, 0.0, 0.0, 0.0
+    return (
+        float(u[0] - columns.start),
+        float(v[0] - rows.start),
+        float(u[-1] - columns.start),
+        float(v[-1] - rows.start),
+    )

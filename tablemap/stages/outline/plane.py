@@ -1,0 +1,171 @@
+"""The top's plane as each view measured it, with the view's own noise, and the joint height."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
+
+from tablemap.config import OutlineConfig
+from tablemap.geometry import Floats
+from tablemap.stages.segmentation import Label, ViewSegmentation
+from tablemap.stages.snapshots import Snapshot
+
+MINIMUM_POINTS = 60
+"""Fewer interior pixels of the top than this say nothing about its height."""
+
+
+@dataclass(frozen=True, eq=False)
+class ViewPlane:
+    """A view's top: ``z = height + slope . (xy - centre)`` in the base.
+
+    ``height_sigma`` is metres, from the scatter of patches, so that coarse depth steps count.
+    ``noise`` multiplies `axial_noise` to give what the depths of this view scatter; ``shared`` is
+    the part of that variance that neighbouring pixels share (all of it where the depth comes in
+    coarse steps).
+    """
+
+    height: float
+    height_sigma: float
+    slope: Floats
+    centre: Floats
+    noise: float
+    shared: float
+
+    def in_camera(self, base_from_camera: Floats) -> tuple[Floats, float]:
+        """Return ``normal`` (3,) and ``offset``: a camera point's height above the plane is
+        ``normal . point + offset``.
+        """
+        normal = np.array([-self.slope[0], -self.slope[1], 1.0])
+        normal /= np.linalg.norm(normal)
+        anchor = np.array([self.centre[0], self.centre[1], self.height])
+        offset = float(normal @ (base_from_camera[:3, 3] - anchor))
+        return base_from_camera[:3, :3].T @ normal, offset
+
+    def drop(self, base_from_camera: Floats) -> float:
+        """Return how far the camera is above the top, metres, at least a decimetre."""
+        return max(float(base_from_camera[2, 3]) - self.height, 0.1)
+
+
+def axial_noise(depth: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Return a structured-light depth's sigma, metres (Nguyen et al. 2012, eq. 3, head on)."""
+    excess: NDArray[np.floating] = depth - 0.4
+    return 0.0012 + 0.0019 * excess * excess
+
+
+def fit_plane(
+    snapshot: Snapshot, view: ViewSegmentation, *, config: OutlineConfig
+) -> ViewPlane | None:
+    """Fit the top's plane to the inner pixels of one view, level unless the view insists.
+
+    Returns None where fewer than `MINIMUM_POINTS` inner pixels of the top are left.
+    """
+    top = view.labels == Label.TOP
+    rows, columns = np.nonzero(_inner(top))
+    if len(rows) < MINIMUM_POINTS:
+        rows, columns = np.nonzero(top)
+    stride = max(1, len(rows) // config.plane_samples)
+    rows, columns = rows[::stride], columns[::stride]
+    depth = snapshot.depth[rows, columns].astype(np.float64)
+    seen = np.isfinite(depth) & (depth > 0)
+    rows, columns, depth = rows[seen], columns[seen], depth[seen]
+    if len(depth) < MINIMUM_POINTS:
+        return None
+
+    rays = snapshot.camera.rays[rows, columns].astype(np.float64)
+    pose = snapshot.base_from_camera
+    points = (rays * depth[:, None]) @ pose[:3, :3].T + pose[:3, 3]
+    fall = np.maximum(np.abs(rays @ pose[2, :3]), 0.05)
+
+    centre = np.median(points[:, :2], axis=0)
+    design = np.column_stack([np.ones(len(points)), points[:, :2] - centre])
+    # Depth errors go together over whole regions, so thousands of pixels are worth few dozens
+    # against the prior that a calibrated camera sees a level top.
+    worth = min(1.0, config.plane_worth / len(points))
+    solution = np.array([np.median(points[:, 2]), 0.0, 0.0])
+    spread = 0.01
+    for _ in range(8):
+        residual = points[:, 2] - design @ solution
+        spread = max(1.4826 * float(np.median(np.abs(residual))), 3e-4)
+        weight = np.square(np.clip(1 - np.square(residual / (4.685 * spread)), 0, None))
+        normal = (design * weight[:, None]).T @ design * (worth / spread**2)
+        right = (design * weight[:, None]).T @ points[:, 2] * (worth / spread**2)
+        normal[[1, 2], [1, 2]] += np.radians(config.slope_prior_deg) ** -2
+        normal[0, 0] += 1e-9
+        solution = np.linalg.solve(normal, right)
+    residual = points[:, 2] - design @ solution
+    inlier = np.abs(residual) < 4.685 * spread
+    scaled = residual / fall / axial_noise(depth)
+    noise = 1.4826 * float(np.median(np.abs(scaled[inlier])))
+    sigma = _patch_sigma(rows[inlier], columns[inlier], residual[inlier], snapshot.depth.shape[1])
+
+    beside = columns + np.where(columns < snapshot.depth.shape[1] - 2, 2, -2)
+    other_depth = snapshot.depth[rows, beside].astype(np.float64)
+    other = snapshot.camera.rays[rows, beside].astype(np.float64) * other_depth[:, None]
+    other = other @ pose[:3, :3].T + pose[:3, 3]
+    expected = solution[0] + (other[:, :2] - centre) @ solution[1:]
+    both = inlier & (np.abs(other[:, 2] - expected) < 4.685 * spread)
+    product = residual[both] * (other[both, 2] - expected[both])
+    shared = float(np.mean(product) / max(np.mean(residual[both] ** 2), 1e-12)) if both.any() else 1
+    return ViewPlane(
+        height=float(solution[0]),
+        height_sigma=sigma,
+        slope=solution[1:],
+        centre=centre,
+        noise=max(noise, 0.1),
+        shared=float(np.clip(shared, 0.0, 1.0)),
+    )
+
+
+def _inner(top: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the pixels whose 9 by 9 neighbourhood is top: no strip of a side face among them."""
+    size = 9
+    share = uniform_filter(top.astype(np.float32), size, mode="constant")
+    inner: NDArray[np.bool_] = share > 1 - 3.5 / size**2
+    return inner
+
+
+def _patch_sigma(
+    rows: NDArray[np.intp], columns: NDArray[np.intp], residual: Floats, width: int
+) -> float:
+    """Return how well the patches of about a fortieth of the image agree on their mean height."""
+    size = max(width // 40, 4)
+    _, patch = np.unique((rows // size) * 4096 + columns // size, return_inverse=True)
+    count = np.bincount(patch)
+    means = (np.bincount(patch, weights=residual) / count)[count >= 4]
+    if len(means) < 4:
+        return float(np.std(residual) + 1e-3)
+    # Neighbouring patches err together: four count as one.
+    return float(1.4826 * np.median(np.abs(means)) * 2 / np.sqrt(len(means)) + 2e-4)
+
+
+def joint_height(
+    planes: dict[int, ViewPlane], start: float, start_sigma: float
+) -> tuple[float, float, float]:
+    """Return the height of all views together, its sigma, and the scatter between views (metres).
+
+    A single view cannot show its scatter: then ``start_sigma`` (the segmentation's) or 2 mm, the
+    larger, stands in for it.
+    """
+    heights = np.array([plane.height for plane in planes.values()])
+    own = np.array([plane.height_sigma for plane in planes.values()])
+    if len(heights) == 0:
+        return start, start_sigma, start_sigma
+    if len(heights) == 1:
+        scatter = max(start_sigma, 0.002)
+        return float(heights[0]), float(np.hypot(own[0], scatter)), scatter
+    # What the views scatter beyond their own sigma is common to a view's pixels.
+    beyond = (1.4826 * np.median(np.abs(heights - np.median(heights)))) ** 2 - np.median(own**2)
+    scatter = float(np.sqrt(max(beyond, 5e-4**2)))
+    sigma = np.hypot(own, scatter)
+    height = float(np.median(heights))
+    weight = sigma**-2
+    for _ in range(10):
+        robust = np.minimum(1.0, 1.5 / np.maximum(np.abs(heights - height) / sigma, 1e-9))
+        weight = robust / sigma**2
+        height = float(np.sum(weight * heights) / np.sum(weight))
+    formal = np.sum(weight) ** -0.5
+    empirical = np.sqrt(np.sum(weight * (heights - height) ** 2) / np.sum(weight) / len(heights))
+    return height, float(max(formal, empirical)), scatter

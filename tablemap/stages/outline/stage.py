@@ -1,0 +1,187 @@
+"""Find the edges of the top in every view and place them on its plane."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tablemap.config import OutlineConfig
+from tablemap.errors import EstimationError, ProcessWarning
+from tablemap.geometry import Floats
+from tablemap.stages.calibration import Calibration
+from tablemap.stages.outline.contour import Contour, place_on_plane, trace
+from tablemap.stages.outline.occupancy import Occupancy, observe
+from tablemap.stages.outline.plane import ViewPlane, fit_plane, joint_height
+from tablemap.stages.outline.result import EdgeKind, Outline, TopScale, ViewEdges
+from tablemap.stages.outline.thickness import FaceEnds, face_ends, joint_rim, joint_thickness
+from tablemap.stages.outline.votes import vote
+from tablemap.stages.segmentation import Segmentation
+from tablemap.stages.snapshots import Snapshot
+
+TRUSTED_M = 0.001
+"""A camera height that is right in TF is so to about this, metres."""
+
+
+@dataclass(frozen=True, eq=False)
+class _TracedView:
+    """One view between the tracing of its contour and its placing on the plane."""
+
+    snapshot: Snapshot
+    plane: ViewPlane
+    seen: Occupancy
+    contour: Contour
+
+
+def find_edges(
+    snapshots: tuple[Snapshot, ...],
+    segmentation: Segmentation,
+    *,
+    config: OutlineConfig,
+    calibration: Calibration | None = None,
+) -> Outline:
+    """Find sub-pixel edge points of the top in every used view and say what made each.
+
+    ``snapshots`` are the calibrated ones; with ``calibration`` its covariance joins the height's
+    sigma. The edges stay in each view's base frame: they need no registration.
+
+    Raises `EstimationError` where no view shows enough of the top.
+    """
+    by_index = {snapshot.index: snapshot for snapshot in snapshots}
+    used = [view for view in segmentation.views if view.sees_table and view.index in by_index]
+    warnings: list[ProcessWarning] = []
+
+    own: dict[int, ViewPlane] = {}
+    for view in used:
+        plane = fit_plane(by_index[view.index], view, config=config)
+        if plane is None:
+            warnings.append(_set_aside(by_index[view.index], "shows too little of the top"))
+        else:
+            own[view.index] = plane
+    if not own:
+        raise EstimationError(
+            f"no edges of the table top: of {len(used)} views that see the table none shows enough "
+            "of its top; record it from nearer, or with the camera tilted further down"
+        )
+    height, height_sigma, scatter = joint_height(
+        own, segmentation.height, segmentation.height_sigma
+    )
+
+    traced: list[_TracedView] = []
+    for view in used:
+        if view.index not in own:
+            continue
+        snapshot = by_index[view.index]
+        plane = _shrunk(own[view.index], height, scatter)
+        seen = observe(snapshot, view.labels, plane, config=config)
+        if seen is not None:
+            traced.append(_TracedView(snapshot, plane, seen, trace(seen, snapshot, config=config)))
+
+    faces = _faces(traced, config)
+    thickness = joint_thickness(faces, config=config)
+    rim = None if thickness is None else joint_rim(faces)
+    labels = {view.index: view.labels for view in used}
+    views: list[ViewEdges] = []
+    for item in traced:
+        placed = place_on_plane(
+            item.seen,
+            item.contour,
+            item.snapshot,
+            plane=item.plane,
+            thickness=None if thickness is None else thickness[0],
+            rim=0.0 if rim is None or rim[0] < 3 * rim[1] else rim[0],
+            config=config,
+        )
+        top, free = vote(item.seen, item.snapshot, labels[item.snapshot.index], config=config)
+        edges = ViewEdges(
+            index=item.snapshot.index,
+            points=placed.points,
+            normals=placed.normals,
+            sigma=placed.sigma,
+            kind=item.contour.kind,
+            is_near=placed.is_near,
+            pixels=item.contour.place + np.array(item.seen.origin[::-1], dtype=np.float64),
+            camera_xy=item.snapshot.base_from_camera[:2, 3].copy(),
+            top=top,
+            free=free,
+            scale_sigma=float(np.hypot(item.plane.height_sigma, scatter))
+            / item.plane.drop(item.snapshot.base_from_camera),
+        )
+        views.append(edges)
+        if not np.any(edges.kind == EdgeKind.TABLE):
+            warnings.append(_set_aside(item.snapshot, "shows no edge of the top"))
+    scale = None
+    if calibration is not None:
+        spread = calibration.top_covariance(height)
+        height_sigma = float(np.sqrt(height_sigma**2 + spread[0, 0]))
+        scale = _scale(spread)
+    return Outline(
+        views=tuple(views),
+        height=height,
+        height_sigma=height_sigma,
+        height_by_view={index: plane.height for index, plane in own.items()},
+        thickness=None if thickness is None else thickness[0],
+        thickness_sigma=None if thickness is None else thickness[1],
+        warnings=tuple(warnings),
+        rim=None if rim is None else rim[0],
+        rim_sigma=None if rim is None else rim[1],
+        scale=scale,
+    )
+
+
+def _scale(spread: Floats) -> TopScale:
+    """Say what a calibration's covariance of height, scale and camera height means for the top."""
+    variance = max(float(spread[1, 1]), 1e-12)
+    by_camera = float(spread[1, 2]) / max(float(spread[2, 2]), 1e-12)
+    trusting = variance - by_camera**2 * float(spread[2, 2]) + (by_camera * TRUSTED_M) ** 2
+    return TopScale(
+        sigma=float(np.sqrt(variance)),
+        sigma_trusting=float(np.sqrt(np.clip(trusting, 1e-12, variance))),
+        height_by_scale=float(spread[0, 1]) / variance,
+    )
+
+
+def _set_aside(snapshot: Snapshot, what: str) -> ProcessWarning:
+    return ProcessWarning(
+        "outline.view_without_edges",
+        "outline",
+        f"view {snapshot.index} {what}; it gives no edges",
+        snapshot.stamp_ns,
+    )
+
+
+def _shrunk(plane: ViewPlane, height: float, scatter: float) -> ViewPlane:
+    """Return the view's plane at its own height, drawn to the joint one as its sigma asks.
+
+    A view's own height makes up for its own camera height or scale; with depth steps of
+    centimetres the other views know better.
+    """
+    own, joint = plane.height_sigma**-2, max(scatter, 5e-4) ** -2
+    return ViewPlane(
+        height=(own * plane.height + joint * height) / (own + joint),
+        height_sigma=(own + joint) ** -0.5,
+        slope=plane.slope,
+        centre=plane.centre,
+        noise=plane.noise,
+        shared=plane.shared,
+    )
+
+
+def _faces(traced: list[_TracedView], config: OutlineConfig) -> list[FaceEnds]:
+    """Return what each view shows of the side face at its near edges."""
+    ends = []
+    for item in traced:
+        placed = place_on_plane(
+            item.seen, item.contour, item.snapshot, plane=item.plane, config=config
+        )
+        ends.append(
+            face_ends(
+                item.seen,
+                item.contour,
+                placed,
+                item.snapshot,
+                noise=item.plane.noise,
+                config=config,
+            )
+        )
+    return ends

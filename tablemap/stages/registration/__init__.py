@@ -1,0 +1,23 @@
+"""The stops' poses: pairwise Open3D ICP, degeneracy, a pose graph and a joint polish, in SE(2)."""
+
+from __future__ import annotations
+
+from tablemap.stages.registration.result import (
+    Pair,
+    PairIteration,
+    PairStarted,
+    Registration,
+    StopCheck,
+    StopScan,
+)
+from tablemap.stages.registration.stage import register
+
+__all__ = [
+    "Pair",
+    "PairIteration",
+    "PairStarted",
+    "Registration",
+    "StopCheck",
+    "StopScan",
+    "register",
+]

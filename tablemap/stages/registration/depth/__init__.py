@@ -1,0 +1,1 @@
+"""Registration where only the depth images do."""

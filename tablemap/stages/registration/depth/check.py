@@ -1,0 +1,176 @@
+"""Whether views registered by their depth are where they should be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from tablemap.geometry import Floats, Pose2
+from tablemap.stages.outline import Outline, ViewEdges
+from tablemap.stages.registration.result import StopCheck, StopScan
+
+# The limits lie between right registrations of simulated tables and ones that were made wrong on
+# purpose.
+_NEAR = 0.10
+_CONSISTENT = 0.015
+_NORMAL_COSINE = 0.9
+_LEAST_CONSISTENT = 0.4
+_FEW_POINTS = 30
+_MOST_POINTS = 200
+_VOTE_STRIDE = 2
+_VOTE_APART = 0.02  # as near as every second vote on a grid of 2 cm is to what it covers
+_VOTE_MARGIN = 0.04
+_LARGEST_VIOLATION = 0.04
+_FEW_DOUBTS = 0.2  # of the others: a view that has slid along a side contradicts but a few
+_DOUBTFUL = 4.0  # times what is usual among the others
+
+
+@dataclass(frozen=True)
+class Checked:
+    """The views' ``checks``, and the largest ``company`` (indices) of views that agree."""
+
+    checks: tuple[StopCheck, ...]
+    company: frozenset[int]
+
+    @property
+    def passed(self) -> int:
+        """How many passed."""
+        return sum(check.passed for check in self.checks)
+
+
+def check_views(
+    outline: Outline | None, edges: Sequence[StopScan | None], poses: Floats
+) -> Checked:
+    """Compare each view's edges and votes with those of every other, all at ``poses`` (n, 3).
+
+    The largest company of views that agree stands; the others fail, and all of them where it is
+    not the greater half. Statistics, as medians over the company:
+    ``shared``, the share of a view's edge points near which the other saw a parallel edge;
+    ``consistent``, the share of those that lie on it, within 15 mm or three times the noise;
+    ``violation``, how much of the top it saw where the other saw through, or the reverse, by more
+    than 4 cm, as a share of its top; ``agreeing``, the share of the other views that it agrees
+    with. A view without edges has none of them, and passes: it rests on odometry, localisation and
+    pairs, and so says its sigma.
+    """
+    votes = {} if outline is None else {view.index: view for view in outline.views}
+    located = [Pose2.from_array(pose) for pose in poses]
+    views = {
+        i: _View(located[i], edge, votes[edge.index])
+        for i, edge in enumerate(edges)
+        if edge is not None
+    }
+    compared = {(i, j): _compare(views[i], views[j]) for i in views for j in views if i != j}
+    agree = {(i, j): not (_judge(compared[i, j]) or _judge(compared[j, i])) for i, j in compared}
+    company = _company(sorted(views), agree, compared)
+    checks = []
+    for i in range(len(edges)):
+        partners = [j for j in views if j != i]
+        if i not in views or not partners:
+            checks.append(StopCheck(i, True, {}, ()))
+            continue
+        against = [j for j in partners if j in company] or partners
+        statistics = {
+            name: float(np.median([compared[i, j][name] for j in against]))
+            for name in ("edge_points", "shared", "consistent", "violation")
+        }
+        statistics["agreeing"] = float(np.mean([agree[i, j] for j in partners]))
+        reasons: tuple[str, ...] = ()
+        if i not in company:
+            reasons = _judge(statistics) or ("it contradicts views that agree with each other",)
+        elif 2 * len(company) <= len(views):
+            reasons = (f"only {len(company)} of {len(views)} views agree with each other",)
+        checks.append(StopCheck(i, not reasons, statistics, reasons))
+    return Checked(tuple(checks), frozenset(company))
+
+
+def _company(
+    views: Sequence[int],
+    agree: dict[tuple[int, int], bool],
+    compared: dict[tuple[int, int], dict[str, float]],
+) -> set[int]:
+    """Return the views that are left when those that contradict too many have gone, worst first."""
+    company = set(views)
+    while len(company) > 1:
+        against = {i: [j for j in company if i != j and not agree[i, j]] for i in company}
+        fit = {
+            i: float(np.median([compared[i, j]["consistent"] for j in company if j != i]))
+            for i in company
+        }
+        worst = max(sorted(company), key=lambda i: (len(against[i]), -fit[i]))
+        # One member's doubts are not those of all, and where all doubt, doubts say less: more than
+        # one each, as that may be about one and the same other.
+        usual = np.median([len(set(against[i]) - {worst}) for i in company - {worst}])
+        most = max(1.0, _FEW_DOUBTS * (len(company) - 1), _DOUBTFUL * (float(usual) - 1))
+        if len(against[worst]) <= min(most, (len(company) - 1) / 2):
+            break
+        company.remove(worst)
+    return company
+
+
+class _View:
+    """A view's edges and votes in the map, with the trees to find them."""
+
+    def __init__(self, pose: Pose2, edge: StopScan, votes: ViewEdges) -> None:
+        every = max(1, len(edge.points) // _MOST_POINTS)
+        self.points = pose.apply(edge.points[::every])
+        self.normals = pose.rotate(edge.normals[::every])
+        self.noise = edge.noise
+        self.tree = cKDTree(self.points)
+        self.top, self.free = (pose.apply(_finite(part)) for part in (votes.top, votes.free))
+        self.top_tree, self.free_tree = cKDTree(self.top), cKDTree(self.free)
+
+
+def _compare(own: _View, other: _View) -> dict[str, float]:
+    distance, nearest = other.tree.query(own.points, k=4, distance_upper_bound=_NEAR)
+    near = np.isfinite(distance)
+    nearest = np.where(near, nearest, 0)
+    normals = other.normals[nearest]
+    # Where the other's edge turns a corner, or ends before it, there is nothing to compare.
+    near &= np.einsum("nki,ni->nk", normals, own.normals) > _NORMAL_COSINE
+    apart = np.einsum("nki,nki->nk", normals, own.points[:, None] - other.points[nearest])
+    limit = max(_CONSISTENT, 3 * float(np.hypot(own.noise, other.noise)))
+    shared = near.any(axis=1)
+    on = (near & (np.abs(apart) < limit)).any(axis=1)
+    against = _inside(own.top, other.free_tree, other.top_tree)
+    against += _inside(own.free, other.top_tree, other.free_tree)
+    return {
+        "edge_points": float(len(own.points)),
+        "shared": float(shared.mean()),
+        "consistent": float(on.sum() / max(shared.sum(), 1)),
+        "violation": against / max(len(own.top), 1),
+    }
+
+
+def _inside(points: Floats, region: cKDTree, opposite: cKDTree) -> int:
+    """Count the points amid a region and not within the margin of the opposite one."""
+    if min(len(points), region.n, opposite.n) == 0:
+        return 0
+    amid, _ = region.query(points, distance_upper_bound=_VOTE_APART)
+    amid_points = points[np.isfinite(amid)]
+    if len(amid_points) == 0:
+        return 0
+    beside, _ = opposite.query(amid_points, distance_upper_bound=_VOTE_MARGIN)
+    return int((~np.isfinite(beside)).sum())
+
+
+def _finite(points: Floats) -> Floats:
+    kept = points[np.isfinite(points).all(axis=1)][::_VOTE_STRIDE]
+    return np.asarray(kept.reshape(-1, 2), dtype=np.float64)
+
+
+def _judge(statistics: dict[str, float]) -> tuple[str, ...]:
+    reasons = []
+    if statistics["edge_points"] * statistics["shared"] >= _FEW_POINTS and (
+        statistics["consistent"] < _LEAST_CONSISTENT
+    ):
+        reasons.append(
+            f"only {statistics['consistent']:.0%} of the edge that other views saw too agrees"
+        )
+    if statistics["violation"] > _LARGEST_VIOLATION:
+        reasons.append(
+            f"{statistics['violation']:.0%} of the top that it saw contradicts other views"
+        )
+    return tuple(reasons)

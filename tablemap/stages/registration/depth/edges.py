@@ -1,0 +1,149 @@
+"""The table's own edges in all views, laid onto each other."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from tablemap.config import RegistrationConfig
+from tablemap.geometry import Floats, Pose2
+from tablemap.stages.outline import EdgeKind, Outline
+from tablemap.stages.registration.graph import Edge, edge_errors
+from tablemap.stages.registration.polish import Polished, polish
+from tablemap.stages.registration.result import StopScan
+from tablemap.stages.snapshots import Snapshot
+
+_LEAST_POINTS = 15
+_SETTLED = 1e-4  # a tenth of a millimetre: what is left of it is noise
+_POLISHES = 3
+# A turn about the top shows where it costs so much of the mean likelihood.
+_TURNED_MARGIN = 0.1
+_TURNED_POINTS = 200
+_TURNED_NEAR = 0.10
+_TURNED_SIGMA = 0.01
+_NORMAL_COSINE = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class Laid:
+    """The ``polished`` poses, and which of the held edges were ``kept`` (n,)."""
+
+    polished: Polished
+    kept: NDArray[np.bool_]
+
+
+def table_edges(
+    snapshots: Sequence[Snapshot], outline: Outline | None
+) -> tuple[StopScan | None, ...]:
+    """Return each view's edge of the top as a scan of it, None where the view shows none.
+
+    Its ``directions`` are the points' offsets from the camera: along them a depth scale moves them.
+    """
+    at = {snapshot.index: place for place, snapshot in enumerate(snapshots)}
+    scans: list[StopScan | None] = [None] * len(snapshots)
+    for view in () if outline is None else outline.views:
+        real = (view.kind == EdgeKind.TABLE) & np.isfinite(view.points).all(axis=1)
+        if real.sum() < _LEAST_POINTS:
+            continue
+        scans[at[view.index]] = StopScan(
+            index=view.index,
+            points=view.points[real],
+            normals=view.normals[real],
+            scans=1,
+            directions=view.points[real] - view.camera_xy,
+            origin=view.camera_xy,
+            bearings=np.zeros(0),
+            ranges=np.zeros(0),
+            noise=float(np.median(view.sigma[real])),
+        )
+    return tuple(scans)
+
+
+def lay_edges(
+    edges: Sequence[StopScan | None],
+    poses: Floats,
+    held: Sequence[Edge],
+    config: RegistrationConfig,
+    *,
+    let_go: NDArray[np.bool_] | None = None,
+) -> Laid:
+    """Lay the edges of all views onto each other from ``poses`` (n, 3), over what ``held`` knows.
+
+    Held edges with a ``robust`` limit are let go where the result contradicts them further than
+    that, and the rest is solved again: a few wrong pairs would else bend all views. Those of
+    ``let_go`` (n,) are out from the start.
+    """
+    present = [i for i, scan in enumerate(edges) if scan is not None]
+    pairs = [(b, a) for a, b in itertools.combinations(present, 2)]
+    if len(present) > config.partners:
+        # Neighbours, and a few from all round: the rest says the same again.
+        apart = max(1, 2 * len(present) // config.partners)
+        pairs = [(b, a) for b, a in pairs if b - a <= 2 or (b - a) % apart == 0]
+    edge_config = config.model_copy(
+        update={
+            "gates": config.edge_gates,
+            "range_bias_sigma": config.depth_scale_sigma,
+            "correlation": config.edge_correlation,
+        }
+    )
+    limits = np.array([np.inf if edge.robust is None else edge.robust for edge in held])
+    information = np.array([edge.information for edge in held]).reshape(-1, 3, 3)
+    kept = np.ones(len(held), dtype=bool) if let_go is None else ~let_go
+    for _ in range(_POLISHES):
+        believed = list(itertools.compress(held, kept))
+        polished = polish(edges, poses, pairs, believed, config=edge_config, settled=_SETTLED)
+        poses = polished.poses
+        error = edge_errors(poses, held)
+        agree = kept & (np.einsum("ni,nij,nj->n", error, information, error) < limits)
+        if (agree == kept).all():
+            break
+        kept = agree
+        # What is left to find is near.
+        edge_config = edge_config.model_copy(update={"gates": config.edge_gates[-2:]})
+    return Laid(polished, kept)
+
+
+def turning_edges(
+    edges: Mapping[int, StopScan | None], located: Sequence[Pose2], turns: Sequence[Pose2]
+) -> list[int]:
+    """Return the views whose edges fit the others' clearly better than after any of the turns.
+
+    ``located`` are the poses of all views, ``turns`` motions in their frame.
+    """
+    scans = {i: edge for i, edge in edges.items() if edge is not None}
+    points = {i: located[i].apply(scan.points) for i, scan in scans.items()}
+    normals = {i: located[i].rotate(scan.normals) for i, scan in scans.items()}
+    turning = []
+    for i, scan in scans.items():
+        others = [j for j in scans if j != i]
+        if not others:
+            continue
+        field = np.concatenate([points[j] for j in others])
+        facing = np.concatenate([normals[j] for j in others])
+        tree = cKDTree(field)
+        stride = max(1, len(scan.points) // _TURNED_POINTS)
+        own, ahead = points[i][::stride], normals[i][::stride]
+        sigma = max(_TURNED_SIGMA, 2 * scan.noise)
+        scores = [
+            _edge_score(moved.apply(own), moved.rotate(ahead), tree, field, facing, sigma)
+            for moved in [Pose2(0.0, 0.0, 0.0), *turns]
+        ]
+        if scores[0] > max(scores[1:]) + _TURNED_MARGIN:
+            turning.append(i)
+    return turning
+
+
+def _edge_score(
+    points: Floats, normals: Floats, tree: cKDTree, field: Floats, facing: Floats, sigma: float
+) -> float:
+    distance, index = tree.query(points, distance_upper_bound=_TURNED_NEAR)
+    found = np.isfinite(distance)
+    index = np.where(found, index, 0)
+    found &= np.einsum("ni,ni->n", facing[index], normals) > _NORMAL_COSINE
+    apart = np.einsum("ni,ni->n", facing[index], points - field[index])
+    return float(np.where(found, np.exp(-0.5 * np.square(apart / sigma)), 0.0).mean())

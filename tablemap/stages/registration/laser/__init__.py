@@ -1,0 +1,1 @@
+"""Registration where the laser sees the stops."""

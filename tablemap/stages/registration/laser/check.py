@@ -1,0 +1,147 @@
+"""Whether a registration is right: residuals, overlap, score and free space, taken together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from tablemap.geometry import Floats, Pose2
+from tablemap.stages.registration.correlative import likelihood
+from tablemap.stages.registration.result import StopCheck, StopScan
+from tablemap.stages.snapshots import is_same_place
+
+# What the limits lie between: right registrations of simulated rooms, people and moved furniture
+# included, and ones that were made wrong on purpose.
+_NEAR = 0.10
+_CONSISTENT = 0.015
+_LEAST_OVERLAP = 0.25
+_LEAST_SCORE = 0.5
+_LEAST_CONSISTENT = 0.6
+_LARGEST_RMS = 0.008
+_NOISE_FACTOR = 1.8  # times the scans' own noise (a stop of one scan is as noisy as the laser)
+_LARGEST_VIOLATION = 0.5
+_DOUBTFUL_VIOLATION = 0.25
+_DOUBTFUL_SCORE = 0.75
+_THROUGH = 0.2  # a point so much nearer than what was seen in its direction is in free space
+_NORMAL_COSINE = 0.9
+
+
+def check_stops(
+    stops: Sequence[StopScan | None], poses: Floats, pairs: Sequence[tuple[int, int]]
+) -> tuple[StopCheck, ...]:
+    """Check each stop against those that it is paired with, all at ``poses`` (n, 3).
+
+    Statistics, as the median over its pairs so that one person or moved chair does not decide:
+    ``rms`` (metres, robust), ``overlap`` (share of its points that the other saw too),
+    ``consistent`` (share of those within 15 mm, or three times the noise), ``violation`` (share of
+    its points in the other's free space); ``score``, its likelihood among the points of all others;
+    and ``noise`` (metres), what the scans' own noise makes of ``rms`` at the right place.
+    """
+    scans = {i: stop for i, stop in enumerate(stops) if stop is not None and len(stop.points)}
+    trees = {i: cKDTree(stop.points) for i, stop in scans.items()}
+    located = [Pose2.from_array(pose) for pose in poses]
+    in_map = {i: located[i].apply(stop.points) for i, stop in scans.items()}
+    checks = []
+    for i in range(len(stops)):
+        if i not in scans:
+            checks.append(StopCheck(i, False, {}, ("it has no usable laser scan",)))
+            continue
+        partners = sorted({a if b == i else b for a, b in pairs if i in (a, b)} & set(scans))
+        # Views that a turning head took from one place agree about any place.
+        apart = [j for j in partners if not is_same_place(located[i], located[j])]
+        partners = apart or partners
+        if not partners:
+            checks.append(StopCheck(i, False, {}, ("no other stop saw the same surroundings",)))
+            continue
+        compared = np.array(
+            [
+                _compare(scans[i], scans[j], trees[j], located[j].inverse() @ located[i])
+                for j in partners
+            ]
+        )
+        # Pairs that hardly overlap say little about residuals.
+        shared = compared[:, 1] >= 0.5 * compared[:, 1].max()
+        others = cKDTree(np.concatenate([in_map[j] for j in partners]))
+        statistics = {
+            "rms": float(np.median(compared[shared, 0])),
+            "overlap": float(np.max(compared[:, 1])),
+            "consistent": float(np.median(compared[shared, 2])),
+            "violation": float(np.median(compared[:, 3])),
+            "score": likelihood(scans[i].points, others, located[i]),
+            "noise": float(np.median([np.hypot(scans[i].noise, scans[j].noise) for j in partners])),
+        }
+        reasons = _judge(statistics)
+        checks.append(StopCheck(i, not reasons, statistics, reasons))
+    return tuple(checks)
+
+
+def suspicious(check: StopCheck) -> bool:
+    """Tell whether a stop's place is worth a search, though its check may have passed."""
+    if not check.statistics:
+        return False
+    return not check.passed or (
+        check.statistics["score"] < _DOUBTFUL_SCORE
+        or check.statistics["violation"] > _DOUBTFUL_VIOLATION
+    )
+
+
+def _judge(statistics: dict[str, float]) -> tuple[str, ...]:
+    reasons = []
+    if statistics["overlap"] < _LEAST_OVERLAP:
+        reasons.append(f"only {statistics['overlap']:.0%} of its scan fits any other stop's")
+    if statistics["score"] < _LEAST_SCORE:
+        reasons.append(f"its scan scores {statistics['score']:.2f} among the others")
+    if statistics["consistent"] < _LEAST_CONSISTENT:
+        reasons.append(f"only {statistics['consistent']:.0%} of what is shared agrees")
+    if statistics["rms"] > max(_LARGEST_RMS, _NOISE_FACTOR * statistics["noise"]):
+        reasons.append(f"what is shared is off by {1e3 * statistics['rms']:.1f} mm RMS")
+    if statistics["violation"] > _LARGEST_VIOLATION or (
+        statistics["violation"] > _DOUBTFUL_VIOLATION and statistics["score"] < _DOUBTFUL_SCORE
+    ):
+        reasons.append(f"{statistics['violation']:.0%} of its scan lies where others saw through")
+    return tuple(reasons)
+
+
+def _compare(
+    source: StopScan, target: StopScan, tree: cKDTree, target_from_source: Pose2
+) -> tuple[float, float, float, float]:
+    """Return robust RMS in metres, overlap, consistent share and free-space violation of a pair."""
+    points = target_from_source.apply(source.points)
+    normals = target_from_source.rotate(source.normals)
+    distance, index = tree.query(points, distance_upper_bound=_NEAR)
+    found = np.isfinite(distance)
+    index = np.where(found, index, 0)
+    agree = np.einsum("ij,ij->i", normals, target.normals[index]) > _NORMAL_COSINE
+    matched = found & agree
+    apart = np.einsum(
+        "ij,ij->i", target.normals[index[matched]], points[matched] - target.points[index[matched]]
+    )
+    overlap = float(matched.mean())
+    if matched.any():
+        rms = float(1.4826 * np.median(np.abs(apart)))
+        # Of all that is near: a wrong place finds neighbours too, but neither near nor parallel.
+        limit = max(_CONSISTENT, 3 * float(np.hypot(source.noise, target.noise)))
+        consistent = float((np.abs(apart) < limit).sum() / max(found.sum(), 1))
+    else:
+        rms, consistent = float(_NEAR), 0.0
+    return rms, overlap, consistent, _violation(points, target)
+
+
+def _violation(points: Floats, target: StopScan) -> float:
+    measured = np.isfinite(target.ranges)
+    if measured.sum() < 2:
+        return 0.0
+    offset = points - target.origin
+    bearing, reach = np.arctan2(offset[:, 1], offset[:, 0]), np.linalg.norm(offset, axis=1)
+    index = np.clip(np.searchsorted(target.bearings, bearing), 1, len(target.bearings) - 1)
+    inside = (bearing >= target.bearings[0]) & (bearing <= target.bearings[-1])
+    around = np.stack(
+        [target.ranges[np.clip(index + k, 0, len(target.ranges) - 1)] for k in (-2, -1, 0, 1)]
+    )
+    seen = inside & np.isfinite(around).all(axis=0)
+    if not seen.any():
+        return 0.0
+    through = reach[seen] < around[:, seen].min(axis=0) - _THROUGH
+    return float(through.mean())

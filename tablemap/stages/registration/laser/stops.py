@@ -1,0 +1,131 @@
+"""Each stop's scans as one clean scan with normals."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from tablemap.config import RegistrationConfig
+from tablemap.geometry import Floats, Pose2
+from tablemap.recording import Recording
+from tablemap.recording.messages import LaserScan
+from tablemap.stages.odometry import Trajectory, points_in_base, sweep_motion
+from tablemap.stages.registration.laser.normals import planar_normals
+from tablemap.stages.registration.result import StopScan
+from tablemap.stages.snapshots import Snapshot
+
+_SPREAD = 0.05  # beams of a stop further from their median saw something else (a person, a mix)
+_VALID_SHARE = 0.6
+_STILL = 0.005  # metres, and radians
+_NEAREST_SCAN_NS = 300_000_000
+
+
+def stop_scan(
+    recording: Recording,
+    snapshot: Snapshot,
+    trajectory: Trajectory,
+    *,
+    config: RegistrationConfig,
+) -> StopScan | None:
+    """Combine the scans of a snapshot's standing interval, beam by beam, into one in the base.
+
+    Where the base did not stand, the scan nearest in time is de-skewed and moved to the snapshot's
+    stamp by the odometry. None where there is no scan.
+    """
+    scans = _standing_scans(recording, snapshot, trajectory, config)
+    if len(scans) >= 2:
+        ranges = combine_beams(np.stack([_cleaned(s, config.maximum_range) for s in scans]))
+        return _as_stop(recording, snapshot, scans[0], ranges, Pose2(), None, len(scans), config)
+    window = _NEAREST_SCAN_NS
+    near = list(recording.scans(snapshot.stamp_ns - window, snapshot.stamp_ns + window)) or scans
+    if not near:
+        return None
+    nearest = min(near, key=lambda s: (abs(s.stamp_ns - snapshot.stamp_ns), s.stamp_ns))
+    motion, _ = sweep_motion(nearest, trajectory.at)
+    moved = trajectory.at(snapshot.stamp_ns).inverse() @ trajectory.at(nearest.stamp_ns)
+    ranges = _cleaned(nearest, config.maximum_range)
+    return _as_stop(recording, snapshot, nearest, ranges, moved, motion, 1, config)
+
+
+def combine_beams(ranges: Floats) -> Floats:
+    """Return (m,) metres of (scans, m): the mean of what lies near each beam's median, or NaN."""
+    valid = np.isfinite(ranges)
+    share = valid.mean(axis=0)
+    filled = np.where(valid, ranges, np.inf)
+    order = np.sort(filled, axis=0)
+    count = valid.sum(axis=0)
+    middle = np.take_along_axis(order, np.maximum((count - 1) // 2, 0)[None], axis=0)[0]
+    near = valid & (np.abs(filled - np.where(np.isfinite(middle), middle, 0.0)) < _SPREAD)
+    kept = near.sum(axis=0)
+    mean = np.where(near, ranges, 0.0).sum(axis=0) / np.maximum(kept, 1)
+    good = (share >= _VALID_SHARE) & (kept >= 0.5 * np.maximum(count, 1)) & (kept > 0)
+    return np.where(good, mean, np.nan)
+
+
+def _standing_scans(
+    recording: Recording, snapshot: Snapshot, trajectory: Trajectory, config: RegistrationConfig
+) -> list[LaserScan]:
+    at_stamp = trajectory.at(snapshot.stamp_ns)
+    standing: list[LaserScan] = []
+    every = 1
+    for count, scan in enumerate(recording.scans(snapshot.start_ns, snapshot.end_ns)):
+        moved = at_stamp.inverse() @ trajectory.at(scan.stamp_ns)
+        if count % every or np.hypot(moved.x, moved.y) > _STILL or abs(moved.yaw) > _STILL:
+            continue
+        standing.append(scan)
+        if len(standing) > config.stop_scans:
+            standing, every = standing[::2], every * 2
+    layouts = Counter(_layout(scan) for scan in standing)
+    if not layouts:
+        return []
+    usual = layouts.most_common(1)[0][0]
+    return [scan for scan in standing if _layout(scan) == usual]
+
+
+def _layout(scan: LaserScan) -> tuple[int, float, float]:
+    return len(scan.ranges), round(scan.angle_min, 5), round(scan.angle_increment, 7)
+
+
+def _cleaned(scan: LaserScan, maximum_range: float) -> Floats:
+    _, valid = points_in_base(scan, np.eye(4), maximum_range=maximum_range)
+    return np.where(valid, np.asarray(scan.ranges, dtype=np.float64), np.nan)
+
+
+def _as_stop(
+    recording: Recording,
+    snapshot: Snapshot,
+    scan: LaserScan,
+    ranges: Floats,
+    moved: Pose2,
+    motion: Pose2 | None,
+    scans: int,
+    config: RegistrationConfig,
+) -> StopScan:
+    base_from_laser = recording.base_from_laser(scan.stamp_ns)
+    combined = LaserScan(**{**vars(scan), "ranges": ranges.astype(np.float32)})
+    lifted, valid = points_in_base(
+        combined, base_from_laser, maximum_range=config.maximum_range, motion=motion
+    )
+    points = moved.apply(np.where(valid[:, None], lifted[:, :2], np.nan))
+    origin = moved.apply(base_from_laser[:2, 3])
+    beams = np.stack([np.cos(scan.angles), np.sin(scan.angles), np.zeros(len(ranges))], axis=1)
+    direction = moved.rotate((beams @ base_from_laser[:3, :3].T)[:, :2])
+    direction /= np.maximum(np.linalg.norm(direction, axis=1), 1e-9)[:, None]
+    normals, holds, noise = planar_normals(points, origin)
+    offset = points - origin
+    bearing = np.where(
+        valid, np.arctan2(offset[:, 1], offset[:, 0]), np.arctan2(direction[:, 1], direction[:, 0])
+    )
+    order = np.argsort(bearing, kind="stable")
+    return StopScan(
+        index=snapshot.index,
+        points=points[holds],
+        normals=normals[holds],
+        scans=scans,
+        directions=direction[holds],
+        origin=origin,
+        bearings=bearing[order],
+        ranges=np.linalg.norm(offset, axis=1)[order],
+        noise=noise,
+    )

@@ -1,0 +1,241 @@
+"""Pairs of stops aligned by Open3D's ICP, an iteration at a time, each projected to SE(2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from tablemap.events import Record
+from tablemap.geometry import Floats, Pose2, wrap_angle
+from tablemap.stages.registration.result import Pair, PairIteration, PairStarted, StopScan
+
+_ITERATIONS_A_GATE = 5
+_SOURCE_POINTS = 360
+_NORMAL_COSINE = 0.9
+_LEAST_SIGMA = 0.002
+_LEAST_INLIERS = 20
+_HELD_POINTS = 0.05  # what fewer points than this (a radian counts as a metre) say is noise
+_DEPTH_SIGMA = 0.01
+_DEPTH_PRIOR = (0.05, 0.05, 0.04)
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """What ICP aligns: ``points`` and ``normals`` (n, 3) in a base.
+
+    ``handle`` is Open3D's copy of them, ``tree`` finds the nearest of them.
+    """
+
+    points: Floats
+    normals: Floats
+    handle: Any
+    tree: cKDTree
+
+
+def make_cloud(points: Floats, normals: Floats) -> Cloud:
+    """Lift (n, 2) or (n, 3) points and normals to a cloud that Open3D knows."""
+    import open3d
+
+    flat = np.zeros((len(points), 1))
+    if points.shape[1] == 2:
+        points, normals = np.hstack([points, flat]), np.hstack([normals, flat])
+    handle = open3d.geometry.PointCloud()
+    handle.points = open3d.utility.Vector3dVector(np.ascontiguousarray(points, dtype=np.float64))
+    handle.normals = open3d.utility.Vector3dVector(np.ascontiguousarray(normals, dtype=np.float64))
+    return Cloud(points, normals, handle, cKDTree(points))
+
+
+def thinned(cloud: Cloud, most: int) -> Cloud:
+    """Return at most ``most`` of a cloud's points, evenly in their order."""
+    every = max(1, -(-len(cloud.points) // most))
+    return cloud if every == 1 else make_cloud(cloud.points[::every], cloud.normals[::every])
+
+
+def laser_clouds(stop: StopScan) -> tuple[Cloud, Cloud]:
+    """Return a stop's cloud as source, thinned, and as target."""
+    whole = make_cloud(stop.points, stop.normals)
+    return thinned(whole, _SOURCE_POINTS), whole
+
+
+def align_laser_pair(
+    source: int,
+    target: int,
+    clouds: tuple[Cloud, Cloud],
+    target_from_source: Pose2,
+    *,
+    gates: tuple[float, ...],
+    kernel: float,
+    correlation: float,
+    record: Record,
+) -> Pair:
+    """Align a planar source to a target by point-to-plane ICP from wide gates to narrow ones.
+
+    The start is kept where the geometry does not speak: along bare walls ICP would slide off.
+    """
+    import open3d
+
+    icp = open3d.pipelines.registration
+    once = icp.ICPConvergenceCriteria(max_iteration=1)
+    source_cloud, target_cloud = clouds
+    pose = target_from_source
+    record(PairStarted(source, target, pose, source_cloud.points, target_cloud.points))
+    iteration = 0
+    for gate in gates:
+        loss = icp.GMLoss(max(kernel, gate / 3))
+        estimation = icp.TransformationEstimationPointToPlane(loss)
+        rows, residuals, _ = correspondences(clouds, pose, gate=gate)
+        weight = np.square(1.0 / (1.0 + np.square(residuals / max(kernel, gate / 3))))
+        speaking = (rows.T * weight) @ rows
+        gain = np.linalg.solve(speaking + _HELD_POINTS * np.eye(3), speaking)
+        for _ in range(_ITERATIONS_A_GATE):
+            result = icp.registration_icp(
+                source_cloud.handle, target_cloud.handle, gate, pose.lifted(), estimation, once
+            )
+            # Open3D sums in the order in which its threads end: rounding makes runs repeat.
+            apart = Pose2.projected(np.asarray(result.transformation)).as_array()
+            apart -= target_from_source.as_array()
+            apart[2] = wrap_angle(apart[2])
+            found = target_from_source.as_array() + gain @ apart
+            moved = Pose2.from_array(np.round(found, 9))
+            inliers = len(result.correspondence_set)
+            step = pose.inverse() @ moved
+            pose = moved
+            record(
+                PairIteration(
+                    source,
+                    target,
+                    iteration,
+                    pose,
+                    float(result.fitness),
+                    float(result.inlier_rmse),
+                    inliers,
+                )
+            )
+            iteration += 1
+            if inliers < _LEAST_INLIERS or np.abs(step.as_array()).max() < 1e-5:
+                break
+    return weigh_pair(
+        source,
+        target,
+        "laser",
+        clouds,
+        pose,
+        gate=gates[-1],
+        kernel=kernel,
+        correlation=correlation,
+    )
+
+
+def align_depth_pair(
+    source: int,
+    target: int,
+    kind: str,
+    clouds: tuple[Cloud, Cloud],
+    target_from_source: Pose2,
+    *,
+    gates: tuple[float, ...],
+    kernel: float,
+    most_points: float,
+    record: Record,
+) -> Pair:
+    """Align two depth views by point-to-plane steps in SE(2) over Open3D's correspondences.
+
+    The start is kept where the geometry does not speak: it enters each step as a prior.
+    """
+    prior = np.diag(1.0 / np.square(_DEPTH_PRIOR))
+    pose, iteration, gate = target_from_source, 0, gates[0]
+    record(PairStarted(source, target, pose, clouds[0].points, clouds[1].points))
+    for gate in gates:
+        scale = max(kernel, gate / 3)
+        for _ in range(_ITERATIONS_A_GATE):
+            rows, residuals, share = correspondences(clouds, pose, gate=gate)
+            if len(residuals) < _LEAST_INLIERS:
+                break
+            weight = np.square(scale**2 / (scale**2 + residuals**2))
+            weight /= _DEPTH_SIGMA**2 * max(float(weight.sum()) / most_points, 1.0)
+            apart = pose.as_array() - target_from_source.as_array()
+            apart[2] = (apart[2] + np.pi) % (2 * np.pi) - np.pi
+            step = np.linalg.solve(
+                (rows.T * weight) @ rows + prior, -((rows.T * weight) @ residuals + prior @ apart)
+            )
+            pose = Pose2.from_array(pose.as_array() + step)
+            rmse = float(np.sqrt(np.mean(residuals**2)))
+            record(PairIteration(source, target, iteration, pose, share, rmse, len(residuals)))
+            iteration += 1
+            if np.abs(step).max() < 5e-4:
+                break
+    return weigh_pair(
+        source,
+        target,
+        kind,
+        clouds,
+        pose,
+        gate=gate,
+        kernel=kernel,
+        correlation=1.0,
+        most_points=most_points,
+        least_sigma=_DEPTH_SIGMA,
+    )
+
+
+def weigh_pair(
+    source: int,
+    target: int,
+    kind: str,
+    clouds: tuple[Cloud, Cloud],
+    pose: Pose2,
+    *,
+    gate: float,
+    kernel: float,
+    correlation: float,
+    most_points: float = np.inf,
+    least_sigma: float = _LEAST_SIGMA,
+) -> Pair:
+    """Give an aligned pair the information that its correspondences really have.
+
+    The SE(2) normal matrix of the point-to-plane residuals, over their variance, with
+    ``correlation`` neighbouring ones counted as one and no more than ``most_points`` in all.
+    """
+    rows, residuals, share = correspondences(clouds, pose, gate=gate)
+    inliers = len(residuals)
+    if inliers < _LEAST_INLIERS:
+        reason = f"only {inliers} points correspond"
+        return Pair(
+            source, target, kind, pose, np.zeros((3, 3)), share, 0.0, inliers, False, reason
+        )
+    weight = np.square(kernel**2 / (kernel**2 + residuals**2))
+    variance = float((weight * residuals**2).sum() / max(weight.sum(), 1e-9))
+    rmse = float(np.sqrt(variance))
+    effective = min(1.0 / correlation, most_points / max(float(weight.sum()), 1.0))
+    scale = effective / max(variance, least_sigma**2)
+    information = scale * (rows.T * weight) @ rows
+    return Pair(source, target, kind, pose, information, share, rmse, inliers, True, None)
+
+
+def correspondences(
+    clouds: tuple[Cloud, Cloud], pose: Pose2, *, gate: float
+) -> tuple[Floats, Floats, float]:
+    """Return (n, 3) Jacobian rows (x, y, yaw), (n,) residuals in metres, and the share matched.
+
+    The correspondences are those of Open3D's ICP, the nearest neighbours within the gate, as far as
+    their normals agree; found in a tree that is built once, where Open3D would for every step.
+    """
+    source, target = clouds
+    turned = pose.apply(source.points)
+    distance, index = target.tree.query(turned, distance_upper_bound=gate)
+    found = np.flatnonzero(np.isfinite(distance))
+    normals = pose.rotate(source.normals[found, :2])
+    onto = target.normals[index[found]]
+    agree = np.einsum("ij,ij->i", normals, onto[:, :2]) + source.normals[found, 2] * onto[:, 2]
+    good = agree > _NORMAL_COSINE
+    found, onto = found[good], onto[good]
+    turned = turned[found]
+    residuals = np.einsum("ij,ij->i", onto, turned - target.points[index[found]])
+    arm = turned[:, :2] - pose.translation
+    rows = np.stack(
+        [onto[:, 0], onto[:, 1], onto[:, 1] * arm[:, 0] - onto[:, 0] * arm[:, 1]], axis=1
+    )
+    return rows, residuals, len(found) / max(len(source.points), 1)

@@ -1,0 +1,122 @@
+"""The stops as a whole in the map, and the odometry bent to go through them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tablemap.geometry import Floats, Pose2
+from tablemap.stages.odometry import Trajectory
+from tablemap.stages.snapshots import is_same_place
+
+_KERNEL = 0.10  # metres: a localised pose further off has jumped
+_KERNEL_YAW = np.radians(4.0)
+_ARM = _KERNEL / _KERNEL_YAW
+
+
+def place_in_map(relative: Floats, localised: Floats) -> tuple[Pose2, Floats]:
+    """Fit ``relative`` (n, 3) to the ``localised`` poses (n, 3) as one rigid body, robustly.
+
+    Returns the motion that is to be applied on the left, and the (3, 3) covariance of the whole's
+    x, y (of the mean place) and yaw. It comes from the spread of the localised poses about the fit;
+    as a wandering localisation errs alike at neighbouring stops, their number is reduced by the
+    spread's correlation from stop to stop, and views that a turning head took from one place count
+    once. What all share (a map that is off) it cannot know.
+    """
+    places = _once_a_place(relative)
+    relative, localised = relative[places], localised[places]
+    n = len(relative)
+    fit = Pose2.from_array(localised[0]) @ Pose2.from_array(relative[0]).inverse()
+    if n >= 2:
+        # The median over all single-pose placements starts it: half of them may have jumped.
+        yaw = localised[:, 2] - relative[:, 2]
+        centre = np.angle(np.exp(1j * yaw).mean())
+        turn = centre + np.median((yaw - centre + np.pi) % (2 * np.pi) - np.pi)
+        turned = Pose2(0.0, 0.0, float(turn)).apply(relative[:, :2])
+        x, y = np.median(localised[:, :2] - turned, axis=0)
+        fit = Pose2.from_array([x, y, turn])
+    information = np.eye(3)
+    residual = np.zeros((n, 3))
+    weight = np.ones(n)
+    for _ in range(20):
+        placed = fit.apply(relative[:, :2])
+        centre_xy = placed.mean(axis=0)
+        residual[:, :2] = localised[:, :2] - placed
+        residual[:, 2] = localised[:, 2] - relative[:, 2] - fit.yaw
+        residual[:, 2] = (residual[:, 2] + np.pi) % (2 * np.pi) - np.pi
+        squared = np.square(residual / [_KERNEL, _KERNEL, _KERNEL_YAW]).sum(axis=1)
+        weight = np.square(1.0 / (1.0 + squared))
+        rows = np.zeros((n, 3, 3))
+        rows[:, 0, 0] = rows[:, 1, 1] = 1.0
+        rows[:, 0, 2], rows[:, 1, 2] = -(placed - centre_xy).T[1], (placed - centre_xy).T[0]
+        rows[:, 2, 2] = 1.0
+        scaled = rows * np.array([1.0, 1.0, _ARM])[:, None]
+        information = np.einsum("n,nij,nik->jk", weight, scaled, scaled)
+        right = np.einsum("n,nij,ni->j", weight, scaled, residual * [1.0, 1.0, _ARM])
+        step = np.linalg.solve(information, right)
+        about = Pose2(*centre_xy) @ Pose2(*step) @ Pose2(*centre_xy).inverse()
+        fit = about @ fit
+        if np.abs(step).max() < 1e-7:
+            break
+    scaled_residual = residual * [1.0, 1.0, _ARM]
+    spread = float((weight[:, None] * scaled_residual**2).sum() / max(3 * weight.sum(), 1e-9))
+    if n < 3:
+        # Too few to spread: as good as one localised pose is taken to be.
+        spread = max(spread, (_KERNEL / 2) ** 2)
+    covariance = np.linalg.inv(information) * spread * n / _independent(scaled_residual, weight)
+    return fit, np.asarray(covariance, dtype=np.float64)
+
+
+def bend_trajectory(
+    trajectory: Trajectory, stamps_ns: Sequence[int], poses: Sequence[Pose2]
+) -> Trajectory:
+    """Carry the odometry's poses into the map so that they pass through the stops' ones.
+
+    Between two stops the pose as seen from either is blended by the way travelled; before the first
+    and after the last the odometry goes on unbent.
+    """
+    order = np.argsort(np.asarray(stamps_ns, dtype=np.int64), kind="stable")
+    stamps = np.asarray(stamps_ns, dtype=np.int64)[order]
+    at_stops = [trajectory.at(int(stamp)) for stamp in stamps]
+    registered = [poses[i] for i in order]
+    bent = np.empty_like(trajectory.poses)
+    way = trajectory.way()
+    stop_way = np.interp(stamps.astype(np.float64), trajectory.stamps_ns.astype(np.float64), way)
+    after = np.searchsorted(stamps, trajectory.stamps_ns, side="right")
+    for k, row in enumerate(trajectory.poses):
+        pose = Pose2.from_array(row)
+        i = int(np.clip(after[k] - 1, 0, len(stamps) - 1))
+        j = int(np.clip(after[k], 0, len(stamps) - 1))
+        from_first = registered[i] @ (at_stops[i].inverse() @ pose)
+        if i == j:
+            bent[k] = from_first.as_array()
+            continue
+        from_second = registered[j] @ (at_stops[j].inverse() @ pose)
+        span = stop_way[j] - stop_way[i]
+        share = float(np.clip((way[k] - stop_way[i]) / span, 0.0, 1.0)) if span > 1e-9 else 0.5
+        turn = (from_second.yaw - from_first.yaw + np.pi) % (2 * np.pi) - np.pi
+        place = (1 - share) * from_first.translation + share * from_second.translation
+        bent[k] = Pose2.from_array([*place, from_first.yaw + share * turn]).as_array()
+    return Trajectory(trajectory.stamps_ns, bent)
+
+
+def _once_a_place(poses: Floats) -> list[int]:
+    """Return the indices of the first pose of each run of (n, 3) at one place."""
+    chosen = [0]
+    for i in range(1, len(poses)):
+        if not is_same_place(Pose2.from_array(poses[chosen[-1]]), Pose2.from_array(poses[i])):
+            chosen.append(i)
+    return chosen
+
+
+def _independent(residual: Floats, weight: Floats) -> float:
+    """Return how many independent poses (n, 3) correlated residuals are worth."""
+    n = len(residual)
+    if n < 4:
+        return 1.0
+    weighted = residual * np.sqrt(weight)[:, None]
+    power = float((weighted**2).sum())
+    lagged = float((weighted[1:] * weighted[:-1]).sum()) * n / (n - 1)
+    correlation = float(np.clip(lagged / max(power, 1e-12), 0.0, 0.98))
+    return max(n * (1 - correlation) / (1 + correlation), 1.0)

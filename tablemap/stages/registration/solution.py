@@ -1,0 +1,136 @@
+"""What either way of registering hands on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tablemap.config import RegistrationConfig
+from tablemap.errors import ProcessWarning
+from tablemap.geometry import Floats, Pose2
+from tablemap.stages.odometry import Odometry
+from tablemap.stages.registration.graph import Anchor, Edge, edge_error
+from tablemap.stages.registration.result import Pair, StopCheck
+from tablemap.stages.snapshots import Snapshot
+
+_ODOMETRY_ROBUST = 16.0
+_ANCHOR_ROBUST = 4.0
+_USED_WEIGHT = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """``poses`` (n, 3) and their relative ``covariance`` (3n, 3n), not yet placed in the map."""
+
+    poses: Floats
+    covariance: Floats
+    pairs: tuple[Pair, ...]
+    checks: tuple[StopCheck, ...]
+    source: str
+    systematic: float
+    warnings: tuple[ProcessWarning, ...]
+
+
+def odometry_edges(snapshots: Sequence[Snapshot], odometry: Odometry) -> list[Edge]:
+    """Tie each snapshot to the one before by the odometry, looser the longer the way."""
+    edges = []
+    trajectory = odometry.trajectory
+    for i in range(1, len(snapshots)):
+        before, now = snapshots[i - 1].stamp_ns, snapshots[i].stamp_ns
+        step = trajectory.at(before).inverse() @ trajectory.at(now)
+        information = np.linalg.inv(odometry.covariance_between(before, now))
+        edges.append(
+            Edge(
+                source=i,
+                target=i - 1,
+                target_from_source=step,
+                information=np.asarray(information, dtype=np.float64),
+                robust=_ODOMETRY_ROBUST,
+                turns_with_scale=odometry.source == "wheels",
+            )
+        )
+    return edges
+
+
+def localisation_anchors(snapshots: Sequence[Snapshot], config: RegistrationConfig) -> list[Anchor]:
+    """Hold each snapshot loosely at its localised pose; one that has jumped lets go."""
+    heading = np.radians(config.localisation_sigma_deg)
+    sigma = np.array([config.localisation_sigma, config.localisation_sigma, heading])
+    information = np.diag(1.0 / sigma**2)
+    return [
+        Anchor(i, snapshot.map_from_base, information, _ANCHOR_ROBUST)
+        for i, snapshot in enumerate(snapshots)
+    ]
+
+
+def floored(information: Floats, sigma: tuple[float, float, float]) -> Floats:
+    """Add what no pair is free of (a moved chair, the map's texture) to the pair's covariance."""
+    values, vectors = np.linalg.eigh(information)
+    weak = np.diag(np.square(sigma))
+    positive = np.maximum(values, 1e-6)
+    covariance = (vectors / positive) @ vectors.T + weak
+    return np.asarray(np.linalg.inv(covariance), dtype=np.float64)
+
+
+def pair_edges(
+    pairs: Sequence[Pair], *, sigma: tuple[float, float, float], robust: float
+) -> list[Edge]:
+    """Return aligned pairs as edges of the graph, none believed further than ``sigma``."""
+    return [
+        Edge(
+            pair.source,
+            pair.target,
+            pair.target_from_source,
+            floored(pair.information, sigma),
+            robust=robust,
+        )
+        for pair in pairs
+    ]
+
+
+def judge_pair(pair: Pair, weight: float | None, poses: Floats) -> Pair:
+    """Mark a pair that the graph let go (``weight`` None: it was not in it) as dropped, and why."""
+    if not pair.used:
+        return pair
+    if weight is None:
+        return replace(pair, used=False, reason=f"only {pair.fitness:.0%} of its points overlap")
+    if weight > _USED_WEIGHT:
+        return pair
+    error = edge_error(
+        poses, Edge(pair.source, pair.target, pair.target_from_source, pair.information)
+    )
+    reason = (
+        f"disagrees with the others by {1e3 * np.hypot(error[0], error[1]):.0f} mm "
+        f"and {np.degrees(abs(error[2])):.1f} degrees"
+    )
+    return replace(pair, used=False, reason=reason)
+
+
+def odometry_pairs(edges: Sequence[Edge], weights: Floats) -> list[Pair]:
+    """Report the odometry's edges among the pairs, those that the graph let go as dropped."""
+    pairs = []
+    for edge, weight in zip(edges, weights, strict=True):
+        used = bool(weight > _USED_WEIGHT)
+        reason = None if used else "disagrees with the other constraints"
+        pairs.append(
+            Pair(
+                edge.source,
+                edge.target,
+                "odometry",
+                edge.target_from_source,
+                edge.information,
+                1.0,
+                0.0,
+                0,
+                used,
+                reason,
+            )
+        )
+    return pairs
+
+
+def pose_list(poses: Floats) -> list[Pose2]:
+    """Return the rows of (n, 3) as poses."""
+    return [Pose2.from_array(pose) for pose in poses]

@@ -1,0 +1,155 @@
+"""The stages of registration in their order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from tablemap.config import RegistrationConfig
+from tablemap.errors import EstimationError, ProcessWarning
+from tablemap.events import Record
+from tablemap.geometry import Floats, Pose2
+from tablemap.recording import Recording
+from tablemap.stages.odometry import Odometry
+from tablemap.stages.outline import Outline
+from tablemap.stages.registration.depth.depth import register_depth
+from tablemap.stages.registration.laser.laser import register_laser
+from tablemap.stages.registration.laser.stops import stop_scan
+from tablemap.stages.registration.placement import bend_trajectory, place_in_map
+from tablemap.stages.registration.result import Registration, StopScan
+from tablemap.stages.registration.solution import Solution
+from tablemap.stages.snapshots import Snapshot
+
+_LEAST_STOP_POINTS = 40
+_WANDERS = 0.10  # metres: a localisation that spreads further is worth a warning
+
+
+def register(
+    recording: Recording,
+    snapshots: tuple[Snapshot, ...],
+    odometry: Odometry,
+    *,
+    edges: Callable[[], Outline],
+    config: RegistrationConfig,
+    record: Record,
+) -> Registration:
+    """Place all snapshots in the map, relative to each other to millimetres, and check it.
+
+    From the laser's stop scans where there are any, else from what the depth images show upright
+    and the table's ``edges``, which are asked for only then, else from the localisation. Every
+    stop's scan and every ICP iteration go to ``record``. Nothing here is random. Raises
+    `EstimationError` without any snapshot.
+    """
+    if not snapshots:
+        raise EstimationError("expected at least one snapshot to register, found none")
+    localised = np.array([snapshot.map_from_base.as_array() for snapshot in snapshots])
+    initial = _initial(odometry, snapshots, localised)
+    # Small systems: threads cost more than they give, and one thread repeats.
+    with threadpool_limits(limits=1):
+        stops = _stop_scans(recording, snapshots, odometry, config)
+        for stop in stops:
+            if stop is not None:
+                record(stop)
+        if sum(stop is not None for stop in stops) >= 2:
+            solution = register_laser(
+                stops, snapshots, odometry, initial, config=config, record=record
+            )
+        else:
+            solution = register_depth(
+                snapshots, edges, odometry, initial, config=config, record=record
+            )
+        fit, placement = place_in_map(solution.poses, localised)
+    poses = tuple(fit @ Pose2.from_array(pose) for pose in solution.poses)
+    warnings = [*solution.warnings, *_missing(stops, snapshots, solution)]
+    warnings += _doubts(solution, snapshots, poses, localised)
+    return Registration(
+        map_from_base=poses,
+        covariance=_turned(solution.covariance, fit.rotation),
+        placement_covariance=placement,
+        graph_before=tuple(Pose2.from_array(pose) for pose in initial),
+        used=tuple(check.passed for check in solution.checks),
+        checks=solution.checks,
+        pairs=solution.pairs,
+        stop_scans=tuple(stop for stop in stops if stop is not None),
+        trajectory=bend_trajectory(odometry.trajectory, [s.stamp_ns for s in snapshots], poses),
+        source=solution.source,
+        systematic=solution.systematic,
+        warnings=tuple(warnings),
+        stretch_sigma=config.stretch_sigma if solution.source == "laser" else 0.0,
+    )
+
+
+def _initial(odometry: Odometry, snapshots: tuple[Snapshot, ...], localised: Floats) -> Floats:
+    """Return (n, 3): the odometry's poses at the snapshots, as a whole where the localisation is.
+
+    Without anything better than the localisation they are the localised ones.
+    """
+    if odometry.source == "localisation":
+        return localised
+    carried = np.array([odometry.trajectory.at(s.stamp_ns).as_array() for s in snapshots])
+    fit, _ = place_in_map(carried, localised)
+    return np.array([(fit @ Pose2.from_array(pose)).as_array() for pose in carried])
+
+
+def _stop_scans(
+    recording: Recording,
+    snapshots: tuple[Snapshot, ...],
+    odometry: Odometry,
+    config: RegistrationConfig,
+) -> tuple[StopScan | None, ...]:
+    if recording.names.laser is None:
+        return (None,) * len(snapshots)
+    scans = [stop_scan(recording, s, odometry.trajectory, config=config) for s in snapshots]
+    return tuple(
+        scan if scan is not None and len(scan.points) >= _LEAST_STOP_POINTS else None
+        for scan in scans
+    )
+
+
+def _turned(covariance: Floats, rotation: Floats) -> Floats:
+    n = len(covariance) // 3
+    block = np.eye(3)
+    block[:2, :2] = rotation
+    turn = np.kron(np.eye(n), block)
+    return np.asarray(turn @ covariance @ turn.T, dtype=np.float64)
+
+
+def _missing(
+    stops: tuple[StopScan | None, ...], snapshots: tuple[Snapshot, ...], solution: Solution
+) -> list[ProcessWarning]:
+    if solution.source != "laser":
+        return []
+    warnings = []
+    for stop, snapshot, check in zip(stops, snapshots, solution.checks, strict=True):
+        if stop is None:
+            fate = "depth ties it to the others" if check.passed else "it is not used"
+            message = f"no usable laser scan at this snapshot; {fate}"
+            warnings.append(
+                ProcessWarning("registration.no_scan", "registration", message, snapshot.stamp_ns)
+            )
+    return warnings
+
+
+def _doubts(
+    solution: Solution,
+    snapshots: tuple[Snapshot, ...],
+    poses: tuple[Pose2, ...],
+    localised: Floats,
+) -> list[ProcessWarning]:
+    warnings = []
+    for check, snapshot in zip(solution.checks, snapshots, strict=True):
+        if not check.passed and check.statistics:
+            message = f"snapshot {check.index} is not used: {'; '.join(check.reasons)}"
+            code = "accuracy.registration_failed"
+            warnings.append(ProcessWarning(code, "registration", message, snapshot.stamp_ns))
+    apart = np.array([pose.as_array()[:2] for pose in poses]) - localised[:, :2]
+    spread = float(np.median(np.linalg.norm(apart, axis=1)))
+    if spread > _WANDERS:
+        message = (
+            f"the localised poses lie {1e3 * spread:.0f} mm (median) from the registered ones; "
+            "the table's place in the map is no better known than that"
+        )
+        warnings.append(ProcessWarning("registration.placement", "registration", message))
+    return warnings

@@ -1,0 +1,21 @@
+"""Floor, table top, what stands on it, the rest; and which table it is."""
+
+from tablemap.stages.segmentation.candidates import find_tables
+from tablemap.stages.segmentation.result import (
+    Label,
+    Segmentation,
+    TableCandidate,
+    TablesFound,
+    ViewSegmentation,
+)
+from tablemap.stages.segmentation.stage import segment
+
+__all__ = [
+    "Label",
+    "Segmentation",
+    "TableCandidate",
+    "TablesFound",
+    "ViewSegmentation",
+    "find_tables",
+    "segment",
+]

@@ -1,0 +1,211 @@
+"""Which surfaces of all views are one and the same, and which of them is the table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import shapely
+
+from tablemap.config import SegmentationConfig
+from tablemap.errors import EstimationError
+from tablemap.geometry import Floats
+from tablemap.stages.segmentation.result import TableCandidate
+from tablemap.stages.segmentation.surfaces import CELL_M, Patch, find_patches
+from tablemap.stages.segmentation.views import View, look
+from tablemap.stages.snapshots import Snapshot
+
+STRIDE_PX = 2
+
+
+@dataclass(eq=False)
+class _Group:
+    """Patches believed to be one surface; ``shape`` is the hull of all of them."""
+
+    patches: list[Patch] = field(default_factory=list)
+    shape: shapely.Geometry = field(default_factory=shapely.Polygon)
+
+    @property
+    def height(self) -> float:
+        """The area-weighted mean height in metres."""
+        areas = [p.area for p in self.patches]
+        return float(np.average([p.height for p in self.patches], weights=areas))
+
+    def add(self, patch: Patch) -> None:
+        """Take in one more patch."""
+        self.patches.append(patch)
+        self.shape = shapely.unary_union([self.shape, _hull(patch.cells)]).convex_hull
+
+
+def find_tables(
+    snapshots: tuple[Snapshot, ...], *, config: SegmentationConfig
+) -> tuple[TableCandidate, ...]:
+    """Return all candidate tables, best first, the first marked as chosen.
+
+    Raises `EstimationError` where no view shows a horizontal surface at a table's height.
+    """
+    return rank_tables([look(s, stride=STRIDE_PX) for s in snapshots], config)
+
+
+def rank_tables(views: list[View], config: SegmentationConfig) -> tuple[TableCandidate, ...]:
+    """Do as `find_tables` does, of views already prepared."""
+    patches = [patch for view in views for patch in find_patches(view, config)]
+    if not patches:
+        raise EstimationError(
+            f"Expected a horizontal surface between {config.lowest} and {config.highest} m above "
+            f"the floor, found none in {len(views)} views; point the camera at the table, or "
+            "widen segmentation.lowest and segmentation.highest"
+        )
+    candidates = sorted(
+        (_weigh(group, config) for group in _group(patches, config)), key=lambda c: -c.weight
+    )
+    best = replace(candidates[0], chosen=True)
+    return (best, *candidates[1 : config.most_candidates])
+
+
+def _hull(points: Floats) -> shapely.Geometry:
+    return shapely.MultiPoint(points).convex_hull.buffer(CELL_M / 2)
+
+
+def _group(patches: list[Patch], config: SegmentationConfig) -> list[_Group]:
+    """Put patches together that overlap in the map at one height, largest first.
+
+    The poses are those of the localisation, centimetres to decimetres off: a patch joins the group
+    that it overlaps most, and groups that came to overlap widely are joined in the end. What one
+    view saw apart, a seat drawn up to the table, stays apart.
+    """
+    groups: list[_Group] = []
+    for patch in sorted(patches, key=lambda p: -p.area):
+        shape = _hull(patch.cells)
+        best, best_overlap = None, config.merge_overlap
+        for group in groups:
+            if abs(group.height - patch.height) > config.merge_height:
+                continue
+            overlap = _overlap(group.shape, shape)
+            if overlap > best_overlap and not _apart(group.patches, [patch]):
+                best, best_overlap = group, overlap
+        if best is None:
+            best = _Group()
+            groups.append(best)
+        best.add(patch)
+    joined = True
+    while joined:
+        joined = False
+        for i, first in enumerate(groups):
+            for second in groups[i + 1 :]:
+                if _are_one(first, second, config):
+                    for patch in second.patches:
+                        first.add(patch)
+                    groups.remove(second)
+                    joined = True
+                    break
+            if joined:
+                break
+    return groups
+
+
+def _are_one(first: _Group, second: _Group, config: SegmentationConfig) -> bool:
+    """Tell whether two groups are one surface: they overlap, or they touch with no gap seen.
+
+    Opposite views of a long table may show an end each, and clutter may part it in every view; a
+    gap that was seen through keeps two surfaces apart.
+    """
+    if abs(first.height - second.height) > config.merge_height:
+        return False
+    if _apart(first.patches, second.patches):
+        return False
+    if _overlap(first.shape, second.shape) > 2 * config.merge_overlap:
+        return True
+    return float(first.shape.distance(second.shape)) < config.merge_gap
+
+
+def _apart(first: list[Patch], second: list[Patch]) -> bool:
+    """Tell whether the views that show patches of both saw through a gap between most of them."""
+    pairs = [(p, q) for p in first for q in second if p.view == q.view]
+    return 2 * sum(q.number in p.parted for p, q in pairs) > len(pairs)
+
+
+def _overlap(first: shapely.Geometry, second: shapely.Geometry) -> float:
+    """Return the share of the smaller that lies in the other."""
+    smaller = min(first.area, second.area)
+    return float(first.intersection(second).area / smaller) if smaller > 0 else 0.0
+
+
+def _weigh(group: _Group, config: SegmentationConfig) -> TableCandidate:
+    """Weigh a surface by the views that look at it, how they spread, and how like a table it is."""
+    cells = _common_cells(group)
+    shape = _hull(cells)
+    centre = np.array(shape.centroid.coords[0])
+    views = sorted({p.view for p in group.patches})
+    looks, bearings, opens, walls, areas = [], [], [], [], []
+    for view in views:
+        mine = [p for p in group.patches if p.view == view]
+        area = sum(p.area for p in mine)
+        gaze = min(p.gaze for p in mine)
+        looks.append(min(area / config.full_area, 1.0) * np.exp(-((gaze / config.gaze) ** 2)))
+        away = mine[0].camera - centre
+        bearings.append(away / max(float(np.linalg.norm(away)), 1e-6))
+        largest = max(mine, key=lambda p: p.area)
+        if largest.open_share is not None:
+            opens.append(largest.open_share)
+        walls.append(largest.walled_share)
+        areas.append(area)
+    looked = np.array(looks) + 1e-3
+    mean_bearing = (np.array(bearings) * looked[:, None]).sum(axis=0) / looked.sum()
+    spread = float(1.0 - np.linalg.norm(mean_bearing)) if len(views) > 1 else 0.0
+    openness = float(np.median(opens)) if opens else None
+    walled = float(np.median(walls))
+    reasons, likeness = _likeness(openness, walled, max(areas), group.height, config)
+    weight = float(looked.sum() * (0.5 + spread) * likeness)
+    ring = np.array(shapely.geometry.polygon.orient(shape).exterior.coords)[:-1]
+    return TableCandidate(
+        x=float(centre[0]),
+        y=float(centre[1]),
+        height=group.height,
+        area=float(len(cells) * CELL_M**2),
+        views=tuple(views),
+        spread=spread,
+        weight=weight,
+        hull=ring,
+        chosen=False,
+        reason="; ".join(reasons) or None,
+    )
+
+
+def _common_cells(group: _Group) -> Floats:
+    """Return the cells (n, 2) that views agree on: by two at least where there are three."""
+    views = {p.view for p in group.patches}
+    keys = np.concatenate(
+        [np.unique(np.floor(p.cells / CELL_M).astype(np.int64), axis=0) for p in group.patches]
+    )
+    cells, counts = np.unique(keys, axis=0, return_counts=True)
+    agreed = cells[counts >= 2] if len(views) >= 3 else cells
+    if len(agreed) < 10:
+        agreed = cells
+    places: Floats = (agreed + 0.5) * CELL_M
+    return places
+
+
+def _likeness(
+    openness: float | None, walled: float, area: float, height: float, config: SegmentationConfig
+) -> tuple[list[str], float]:
+    """Return what speaks against a table, and a factor from 0 to 1."""
+    reasons = []
+    likeness = 1.0
+    if openness is None:
+        likeness *= 0.6
+        reasons.append("what is under it was not seen")
+    else:
+        likeness *= 0.1 + 0.9 * min(1.0, openness / 0.5)
+        if openness < 0.25:
+            reasons.append(f"closed below (open share {openness:.2f})")
+    if walled > 0.35:
+        likeness *= max(0.15, 1.35 - walled)
+        reasons.append(f"its rim rises over {walled:.0%}, as of a seat or a shelf")
+    if area < config.small_area:
+        likeness *= area / config.small_area
+        reasons.append(f"small: {area:.2f} m2")
+    if height > config.high:
+        likeness *= 0.5
+        reasons.append(f"high: {height:.2f} m")
+    return reasons, float(likeness)

@@ -1,0 +1,186 @@
+"""The top's height: one figure from all views, and each view's own beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from tablemap.config import SegmentationConfig
+from tablemap.geometry import Floats
+from tablemap.stages.segmentation.result import TableCandidate
+from tablemap.stages.segmentation.views import View, inside, tolerance
+
+BIN_M = 0.002
+SEARCH_M = 0.06
+LEAST_PIXELS = 150
+BLOCK_PX = 32.0
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A top as one view has it, in its base: z = height + a (x - x0) + b (y - y0).
+
+    ``height`` is that in the middle (x0, y0) of what the view saw of it; a and b are small.
+    """
+
+    height: float
+    a: float
+    b: float
+    x0: float = 0.0
+    y0: float = 0.0
+
+    def at(self, points: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the plane's (h, w) height at the places of (h, w, 3) points."""
+        x, y = points[..., 0] - np.float32(self.x0), points[..., 1] - np.float32(self.y0)
+        return np.float32(self.height) + np.float32(self.a) * x + np.float32(self.b) * y
+
+
+@dataclass(frozen=True)
+class Height:
+    """A height in metres with its standard deviation, and each view's own plane by snapshot index.
+
+    ``scatter`` is the standard deviation between views.
+    """
+
+    value: float
+    sigma: float
+    planes: dict[int, Plane]
+    scatter: float
+
+
+def region(view: View, candidate: TableCandidate, reach: float) -> NDArray[np.bool_]:
+    """Return (h, w) what lies within reach of the candidate, by the localised pose."""
+    base_from_map = view.snapshot.map_from_base.inverse()
+    hull = np.asarray(base_from_map.apply(candidate.hull))
+    area = shapely.MultiPoint(hull).convex_hull.buffer(reach, quad_segs=2)
+    return inside(area, view.points, np.isfinite(view.points[..., 2]))
+
+
+def joint_height(
+    views: list[View], candidate: TableCandidate, config: SegmentationConfig
+) -> Height | None:
+    """Estimate the height from all views: the histogram's mode, then each view, then their mean.
+
+    None where no view shows enough of the surface.
+    """
+    samples, places = [], []
+    for view in views:
+        z = view.points[..., 2]
+        places.append(region(view, candidate, 0.0))
+        with np.errstate(invalid="ignore"):
+            near = (
+                region(view, candidate, config.reach)
+                & (np.abs(z - np.float32(candidate.height)) < SEARCH_M)
+                & (view.upward > np.cos(np.deg2rad(config.surface_tilt_deg)))
+            )
+        samples.append(near)
+    mode = _joint_mode(views, samples, candidate.height)
+    if mode is None:
+        return None
+    planes: dict[int, Plane] = {}
+    weights: list[float] = []
+    for view, near, place in zip(views, samples, places, strict=True):
+        found = _view_height(view, near, place, mode, config)
+        if found is not None:
+            planes[view.snapshot.index], sigma, pixels = found
+            weights.append(min(pixels, 20_000) / (sigma**2 + 0.002**2))
+    if not planes:
+        return None
+    heights = np.array([plane.height for plane in planes.values()])
+    weight = np.array(weights)
+    value = float(np.average(heights, weights=weight))
+    for gate in (0.02, 0.012, 0.008):  # a view on another surface must not pull the rest
+        robust = weight / (1 + ((heights - value) / gate) ** 2) ** 2
+        value = float(np.average(heights, weights=robust))
+    effective = float(robust.sum() ** 2 / np.square(robust).sum())
+    scatter = float(np.sqrt(np.average((heights - value) ** 2, weights=robust)))
+    noise = [
+        float(np.nanmedian(v.sigma[m])) for v, m in zip(views, samples, strict=True) if m.any()
+    ]
+    blocks = sum(int(m.sum()) * v.stride**2 for v, m in zip(views, samples, strict=True))
+    floor = float(np.median(noise)) / np.sqrt(max(blocks / BLOCK_PX**2, 1.0)) if noise else 0.0
+    between = scatter / np.sqrt(max(effective - 1.0, 1.0))
+    return Height(value, float(np.hypot(between, floor)), planes, scatter)
+
+
+def _joint_mode(views: list[View], samples: list[NDArray[np.bool_]], height: float) -> float | None:
+    """Return the height that most of all views' pixels agree on, each view counting alike."""
+    bins = round(2 * SEARCH_M / BIN_M)
+    total = np.zeros(bins)
+    widths = []
+    for view, near in zip(views, samples, strict=True):
+        if int(near.sum()) < LEAST_PIXELS:
+            continue
+        z = view.points[..., 2][near]
+        index = np.clip(((z - height + SEARCH_M) / BIN_M).astype(np.int64), 0, bins - 1)
+        histogram = np.bincount(index, minlength=bins).astype(np.float64)
+        total += histogram / np.sqrt(histogram.sum())
+        widths.append(float(np.median(view.sigma[near])))
+    if not widths:
+        return None
+    width = max(0.004, 1.5 * float(np.median(widths))) / BIN_M
+    smooth = ndimage.gaussian_filter1d(total, width, mode="constant")
+    return float(height - SEARCH_M + (int(np.argmax(smooth)) + 0.5) * BIN_M)
+
+
+def _view_height(
+    view: View,
+    near: NDArray[np.bool_],
+    place: NDArray[np.bool_],
+    mode: float,
+    config: SegmentationConfig,
+) -> tuple[Plane, float, int] | None:
+    """Return one view's plane, its pixels' noise and their number, or None where too few.
+
+    Only the connected surface counts that covers most of the table's ``place``: seats lie beside
+    it, and one close to the camera has more pixels.
+    """
+    z = view.points[..., 2]
+    gate = tolerance(view.sigma, config.view_height_gate, config.tolerance_sigmas)
+    with np.errstate(invalid="ignore"):
+        close = near & (np.abs(z - np.float32(mode)) < gate)
+    labels, count = ndimage.label(ndimage.binary_opening(close, np.ones((3, 3))))
+    if count == 0:
+        return None
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)
+    area = np.nan_to_num(view.area)
+    covered = 0.0 + np.bincount(labels[place], weights=area[place], minlength=count + 1)
+    covered += 0.1 * np.bincount(labels.ravel(), weights=area.ravel(), minlength=count + 1)
+    covered[0] = 0.0
+    covered[sizes < LEAST_PIXELS] = 0.0
+    best = int(np.argmax(covered))
+    if covered[best] <= 0.0:
+        return None
+    mine = labels == best
+    # The rim sinks into side faces and mixed pixels: leave it out where enough remains.
+    core = ndimage.binary_erosion(mine, np.ones((5, 5)))
+    if int(core.sum()) >= LEAST_PIXELS:
+        mine = core
+    points = view.points[mine].astype(np.float64)
+    noise = float(np.median(view.sigma[mine]))
+    return _plane(points, noise, config), noise, int(mine.sum())
+
+
+def _plane(points: Floats, noise: float, config: SegmentationConfig) -> Plane:
+    """Fit a plane to (n, 3) points, robustly, its tilt held near zero by a prior."""
+    middle = np.median(points[:, :2], axis=0)
+    arms = points[:, :2] - middle
+    heights = points[:, 2]
+    fit = np.array([float(np.median(heights)), 0.0, 0.0])
+    rows = np.concatenate([np.ones((len(arms), 1)), arms], axis=1)
+    gate = max(6 * noise, 0.008)
+    tilt = np.deg2rad(config.view_tilt_sigma_deg)
+    # Neighbouring pixels err alike: a hundred count as one against the prior.
+    prior = np.diag([0.0, 1 / tilt**2, 1 / tilt**2]) * 100 * (noise**2 + 0.002**2)
+    for _ in range(6):
+        residual = heights - rows @ fit
+        weight = np.clip(1 - (residual / gate) ** 2, 0, None) ** 2
+        if weight.sum() < 1.0:
+            break
+        normal = rows.T @ (rows * weight[:, None]) + prior
+        fit = np.linalg.solve(normal, rows.T @ (weight * heights))
+    return Plane(float(fit[0]), float(fit[1]), float(fit[2]), float(middle[0]), float(middle[1]))

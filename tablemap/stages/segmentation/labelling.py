@@ -1,0 +1,217 @@
+"""What every pixel of a view shows, relative to the chosen top."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from tablemap.config import SegmentationConfig
+from tablemap.stages.segmentation.height import Plane, region
+from tablemap.stages.segmentation.result import Label, TableCandidate, ViewSegmentation
+from tablemap.stages.segmentation.views import View, inside, is_parted, tolerance
+
+FLOOR_M = 0.04
+STANDING_M = 0.06  # what stands on the top begins this close above it
+RIM_M = 0.04
+# How much of a surface must lie within reach of the table's place to be part of the same top:
+# with clutter that leads over to it, and with missing depth alone between.
+BRIDGED_SHARE, NEAR_SHARE = 0.3, 0.5
+GAP_STEP_PX = 2
+MOST_SEEDS, SEED_SHARE = 3, 0.25  # surfaces from which the top is put together, by their score
+
+
+def label_view(
+    view: View, plane: Plane, candidate: TableCandidate, config: SegmentationConfig
+) -> ViewSegmentation:
+    """Label one view at full resolution, given the top's plane in it."""
+    z = view.points[..., 2]
+    valid = np.isfinite(z)
+    band_width = np.minimum(
+        tolerance(view.sigma, config.tolerance_least, config.tolerance_sigmas),
+        np.float32(config.tolerance_most),
+    )
+    above_plane = z - plane.at(view.points)
+    with np.errstate(invalid="ignore"):
+        in_band = np.abs(above_plane) <= band_width
+        over = above_plane > band_width
+        below = above_plane < -band_width
+        floor = z < np.maximum(np.float32(FLOOR_M), 4 * view.sigma)
+    surfaces = _surfaces(view, in_band, config)
+    labels = np.full(z.shape, Label.UNKNOWN, dtype=np.uint8)
+    labels[valid] = Label.FRONT
+    labels[below] = Label.BEHIND
+    labels[below & floor] = Label.FLOOR
+    labels[in_band & _grown(surfaces > 0)] = Label.OTHER_TOP
+    top = _top(view, surfaces, over, below, candidate, config)
+    if view.snapshot.base_from_camera[2, 3] <= plane.height + 0.05:
+        top = np.zeros_like(valid)
+        reason: str | None = "the camera was not above the top"
+    elif not top.any():
+        reason = "no surface at the table's height near its place"
+    else:
+        top = in_band & _grown(top)
+        share = float(top.mean())
+        reason = (
+            None
+            if share >= config.least_top_share
+            else f"only {int(top.sum())} pixels ({share:.2%}) of the top were seen"
+        )
+    if top.any():
+        labels[top] = Label.TOP
+        labels[_standing(view, top, over, above_plane)] = Label.ON_TOP
+    return ViewSegmentation(
+        index=view.snapshot.index,
+        labels=labels,
+        sees_table=reason is None,
+        reason=reason,
+        height=plane.height if reason is None else None,
+        top_pixels=int(top.sum()),
+        tolerance=band_width,
+    )
+
+
+def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the mask grown by two pixels: what an opening took from the rim."""
+    grown: NDArray[np.bool_] = ndimage.maximum_filter(mask.view(np.uint8), 5).view(np.bool_)
+    return grown
+
+
+def _surfaces(
+    view: View, in_band: NDArray[np.bool_], config: SegmentationConfig
+) -> NDArray[np.int32]:
+    """Label the connected surfaces in the band, without walls and slivers (0)."""
+    filled = ndimage.uniform_filter(in_band.astype(np.float32), 3) > 0.5
+    eroded = ndimage.minimum_filter((filled & in_band).view(np.uint8), 5)
+    opened = ndimage.maximum_filter(eroded, 5).view(np.bool_) & in_band
+    labels, count = ndimage.label(opened)
+    if count == 0:
+        return np.zeros(in_band.shape, dtype=np.int32)
+    known = np.isfinite(view.upward)
+    level = known & (np.nan_to_num(view.upward) > np.cos(np.deg2rad(config.surface_tilt_deg)))
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)
+    levels = np.bincount(labels[level], minlength=count + 1)
+    knowns = np.bincount(labels[known], minlength=count + 1)
+    keep = (sizes >= 60) & (levels >= 0.5 * np.maximum(knowns, 1))
+    keep[0] = False
+    kept: NDArray[np.int32] = np.where(keep[labels], labels, 0).astype(np.int32)
+    return kept
+
+
+def _top(
+    view: View,
+    surfaces: NDArray[np.int32],
+    over: NDArray[np.bool_],
+    below: NDArray[np.bool_],
+    candidate: TableCandidate,
+    config: SegmentationConfig,
+) -> NDArray[np.bool_]:
+    """Return the surfaces that are this top: the one at its place, and what clutter parted from it.
+
+    Of two surfaces at one height, a gap that was seen through tells a second table; clutter or
+    missing depth between them does not.
+    """
+    none = np.zeros(surfaces.shape, dtype=bool)
+    count = int(surfaces.max()) if surfaces.size else 0
+    if count == 0:
+        return none
+    place = region(view, candidate, 0.05)
+    around = region(view, candidate, config.reach)
+    weight = np.nan_to_num(view.area)
+    inside = np.bincount(surfaces[place], weights=weight[place], minlength=count + 1)
+    near = np.bincount(surfaces[around], weights=weight[around], minlength=count + 1)
+    whole = np.bincount(surfaces.ravel(), weights=weight.ravel(), minlength=count + 1)
+    inside[0] = near[0] = 0.0
+    # Nearly all of the table's own surface lies within reach of its place; a neighbour's does not.
+    score = (inside + 0.5 * near) * near / np.maximum(whole, 1e-9)
+    if score.max() <= 0.0:
+        return none
+    close = np.flatnonzero(near > BRIDGED_SHARE * np.maximum(whole, 1e-9))
+    if len(close) <= 1:
+        top: NDArray[np.bool_] = surfaces == int(np.argmax(score))
+        return top
+    thin = surfaces[::GAP_STEP_PX, ::GAP_STEP_PX]
+    bridges, _ = ndimage.label(
+        _grown((surfaces > 0) | (over & around))[::GAP_STEP_PX, ::GAP_STEP_PX]
+    )
+    # One pixel below the plane is noise; four in a square were seen through.
+    through = ndimage.minimum_filter(below[::GAP_STEP_PX, ::GAP_STEP_PX].view(np.uint8), 2).view(
+        np.bool_
+    )
+    seeds = np.argsort(-score)[:MOST_SEEDS]
+    sets = []
+    for seed in seeds[score[seeds] > SEED_SHARE * score.max()]:
+        joined = _joined(int(seed), close, thin, bridges, through, near < NEAR_SHARE * whole)
+        sets.append((float(score[joined].sum()), joined))
+    _, best = max(sets, key=lambda entry: entry[0])
+    result: NDArray[np.bool_] = np.isin(surfaces, best)
+    return result
+
+
+def _joined(
+    main: int,
+    close: NDArray[np.int64],
+    thin: NDArray[np.int32],
+    bridges: NDArray[np.int32],
+    through: NDArray[np.bool_],
+    is_far: NDArray[np.bool_],
+) -> list[int]:
+    """Return the surface ``main`` and those of ``close`` that no gap parts from it.
+
+    All images are thinned alike; ``is_far`` (by label) are those that only clutter may join.
+    """
+    top = thin == main
+    result = [main]
+    if not top.any():
+        return result
+    bridge = np.bincount(bridges[top], minlength=2)
+    bridge[0] = 0
+    for k in close:
+        other = thin == k
+        if k == main or not other.any():
+            continue
+        led_over = float((bridges[other] == int(np.argmax(bridge))).mean()) > 0.5
+        if is_far[k] and not led_over:
+            continue
+        # A cup before a chair touches both in the image: what lies between the rest decides.
+        gap = through & (thin == 0)
+        if not is_parted(other, top, gap) and not is_parted(top, other, gap):
+            result.append(int(k))
+    return result
+
+
+def _standing(
+    view: View,
+    top: NDArray[np.bool_],
+    over: NDArray[np.bool_],
+    above_plane: NDArray[np.float32],
+) -> NDArray[np.bool_]:
+    """Return the pixels above the plane that belong to things standing on the top."""
+    hull = shapely.MultiPoint(view.points[top][:: max(1, int(top.sum()) // 4000), :2]).convex_hull
+    if hull.geom_type != "Polygon":
+        return np.zeros_like(top)
+    within_hull = inside(hull.buffer(RIM_M, quad_segs=2), view.points, over)
+    depth = view.snapshot.depth[:: view.stride, :: view.stride]
+    gap = np.float32(0.02) + np.float32(0.02) * depth
+    with np.errstate(invalid="ignore"):
+        cut = np.zeros_like(top)
+        cut[:, 1:] |= np.abs(np.diff(depth, axis=1)) > gap[:, 1:]
+        cut[1:] |= np.abs(np.diff(depth, axis=0)) > gap[1:]
+    labels, count = ndimage.label(over & ~cut)
+    if count == 0:
+        return np.zeros_like(top)
+    index = labels.ravel()
+    sizes = np.bincount(index, minlength=count + 1)
+    within = np.bincount(index, weights=within_hull.ravel(), minlength=count + 1)
+    with np.errstate(invalid="ignore"):
+        low = (above_plane < STANDING_M) & ndimage.maximum_filter(top.view(np.uint8), 9).view(
+            np.bool_
+        )
+    touching = np.bincount(index, weights=low.ravel(), minlength=count + 1)
+    stands = (within >= 0.5 * sizes) & (touching > 0)
+    stands[0] = False
+    on_top = stands[labels] & within_hull
+    # Pixels on the cuts between: with their neighbours.
+    standing: NDArray[np.bool_] = on_top | (over & within_hull & (labels == 0) & _grown(on_top))
+    return standing

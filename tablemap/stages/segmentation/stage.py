@@ -1,0 +1,111 @@
+"""Choose the table and label every view."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from tablemap.config import SegmentationConfig
+from tablemap.errors import EstimationError, ProcessWarning
+from tablemap.events import Record, ignore
+from tablemap.stages.calibration import Calibration
+from tablemap.stages.segmentation.candidates import STRIDE_PX, rank_tables
+from tablemap.stages.segmentation.height import Height, Plane, joint_height
+from tablemap.stages.segmentation.labelling import label_view
+from tablemap.stages.segmentation.result import Segmentation, TableCandidate, TablesFound
+from tablemap.stages.segmentation.views import look
+from tablemap.stages.snapshots import Snapshot
+
+
+def segment(
+    snapshots: tuple[Snapshot, ...],
+    *,
+    config: SegmentationConfig,
+    near: tuple[float, float] | None = None,
+    candidate: TableCandidate | None = None,
+    calibration: Calibration | None = None,
+    record: Record = ignore,
+) -> Segmentation:
+    """Choose the table (nearest to ``near`` in the map, or the best seen) and label every view.
+
+    What could be meant goes to ``record`` before one is chosen; a ``candidate`` of `find_tables` is
+    taken as it is. With the calibration of these snapshots the
+    height's sigma includes what the camera leaves open. Raises `EstimationError` where there is no
+    table, none near the place, or no view that sees it.
+    """
+    coarse = [look(s, stride=STRIDE_PX) for s in snapshots]
+    if candidate is None:
+        candidates = rank_tables(coarse, config)
+        record(TablesFound(candidates))
+        chosen, warnings = _choose(candidates, near, config)
+    else:
+        candidates, chosen, warnings = (candidate,), candidate, []
+    candidates = tuple(replace(c, chosen=c is chosen) for c in candidates)
+    height = joint_height(coarse, chosen, config)
+    if height is None:
+        raise EstimationError(
+            f"Expected a table top of {chosen.height:.2f} m height at {_place(chosen)} in the map, "
+            f"but none of {len(snapshots)} views shows enough of it"
+        )
+    views = [
+        label_view(
+            look(view.snapshot, stride=1, coarser=view),
+            height.planes.get(view.snapshot.index, Plane(height.value, 0.0, 0.0)),
+            chosen,
+            config,
+        )
+        for view in coarse
+    ]
+    used = [view for view in views if view.sees_table]
+    if not used:
+        raise EstimationError(
+            f"Expected views of the table top at {_place(chosen)} in the map, but none of "
+            f"{len(views)} shows it: {views[0].reason}"
+        )
+    sigma = height.sigma
+    if calibration is not None:
+        sigma = float(np.hypot(sigma, calibration.height_sigma(height.value)))
+    return Segmentation(
+        views=tuple(views),
+        height=height.value,
+        height_sigma=sigma,
+        candidates=candidates,
+        warnings=(*warnings, *_doubts(height)),
+    )
+
+
+def _place(candidate: TableCandidate) -> str:
+    return f"({candidate.x:.2f}, {candidate.y:.2f})"
+
+
+def _choose(
+    candidates: tuple[TableCandidate, ...],
+    near: tuple[float, float] | None,
+    config: SegmentationConfig,
+) -> tuple[TableCandidate, list[ProcessWarning]]:
+    """Return the chosen candidate, and a warning where another was nearly as good."""
+    if near is not None:
+        distances = [float(np.hypot(c.x - near[0], c.y - near[1])) for c in candidates]
+        best = int(np.argmin(distances))
+        if distances[best] > config.near_distance:
+            places = ", ".join(f"{_place(c)} {c.height:.2f} m high" for c in candidates)
+            raise EstimationError(
+                f"Expected a table within {config.near_distance} m of --near {near[0]} {near[1]}, "
+                f"found candidates at {places}; give one of these places"
+            )
+        return candidates[best], []
+    chosen = candidates[0]
+    ties = [c for c in candidates[1:] if c.weight >= config.tie * chosen.weight]
+    if not ties:
+        return chosen, []
+    places = ", ".join(f"--near {c.x:.2f} {c.y:.2f} ({c.height:.2f} m high)" for c in ties)
+    message = f"The table at {_place(chosen)} was chosen, nearly tied with others: {places}"
+    return chosen, [ProcessWarning("segmentation.table_tie", "segmentation", message)]
+
+
+def _doubts(height: Height) -> list[ProcessWarning]:
+    if height.scatter <= 0.01:
+        return []
+    message = f"The top's height varies by {1000 * height.scatter:.0f} mm between views"
+    return [ProcessWarning("accuracy.height_scatter", "segmentation", message)]

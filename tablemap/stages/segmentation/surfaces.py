@@ -1,0 +1,189 @@
+"""The horizontal surfaces of one view, and what speaks for each being a table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from tablemap.config import SegmentationConfig
+from tablemap.geometry import Floats
+from tablemap.stages.segmentation.views import View, is_parted, tolerance
+
+BIN_M = 0.005
+MOST_LEVELS = 8
+CELL_M = 0.04
+FARTHEST_M = 6.0
+GAP_STEP_PX = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """A connected horizontal surface in one view.
+
+    ``cells`` (n, 2) are thinned points of it in the map; ``camera`` (2,) the camera's place there;
+    ``gaze`` metres between it and the optical axis at its height; ``open_share`` how much was seen
+    under it against its front (None: neither), ``walled_share`` how much of its rim rises.
+    ``number`` counts a view's patches; ``parted`` are those at about this height between which and
+    this one the view saw through.
+    """
+
+    view: int
+    height: float
+    area: float
+    cells: Floats
+    camera: Floats
+    gaze: float
+    open_share: float | None
+    walled_share: float
+    number: int
+    parted: frozenset[int] = frozenset()
+
+
+def find_patches(view: View, config: SegmentationConfig) -> list[Patch]:
+    """Return the surfaces of a view, largest level first: height histogram, then connection."""
+    z = view.points[..., 2]
+    with np.errstate(invalid="ignore"):
+        candidate = (
+            (view.upward > np.cos(np.deg2rad(config.surface_tilt_deg)))
+            & (z > config.lowest)
+            & (z < config.highest)
+            & (np.hypot(view.points[..., 0], view.points[..., 1]) < FARTHEST_M)
+        )
+    band = tolerance(view.sigma, config.patch_tolerance, config.tolerance_sigmas)
+    patches: list[Patch] = []
+    masks: list[NDArray[np.bool_]] = []
+    left = candidate.copy()
+    for _ in range(MOST_LEVELS):
+        level = _fullest_level(z[left], view.area[left], config)
+        if level is None:
+            break
+        with np.errstate(invalid="ignore"):
+            near = left & (np.abs(z - np.float32(level)) <= band)
+        left &= ~near
+        labels, count = ndimage.label(ndimage.binary_opening(near, np.ones((3, 3))))
+        if count == 0:
+            continue
+        areas = ndimage.sum_labels(view.area, labels, np.arange(1, count + 1))
+        for k in np.flatnonzero(areas >= config.least_area):
+            masks.append(labels == k + 1)
+            patches.append(_describe(view, masks[-1], float(areas[k]), len(patches)))
+    return _told_apart(view, patches, masks, config)
+
+
+def _told_apart(
+    view: View, patches: list[Patch], masks: list[NDArray[np.bool_]], config: SegmentationConfig
+) -> list[Patch]:
+    """Note of each patch which others of about its height lie beyond a gap seen through."""
+    parted: list[set[int]] = [set() for _ in patches]
+    thin = [mask[::GAP_STEP_PX, ::GAP_STEP_PX] for mask in masks]
+    z = view.points[::GAP_STEP_PX, ::GAP_STEP_PX, 2]
+    for i, first in enumerate(patches):
+        for j, second in enumerate(patches[:i]):
+            if abs(first.height - second.height) > config.merge_height:
+                continue
+            if not thin[i].any() or not thin[j].any():
+                continue
+            with np.errstate(invalid="ignore"):
+                below = z < min(first.height, second.height) - config.merge_height
+            # One pixel below is noise; four in a square were seen through.
+            gap = ndimage.minimum_filter(below.view(np.uint8), 2).view(np.bool_)
+            if is_parted(thin[i], thin[j], gap) or is_parted(thin[j], thin[i], gap):
+                parted[i].add(j)
+                parted[j].add(i)
+    return [replace(p, parted=frozenset(q)) for p, q in zip(patches, parted, strict=True)]
+
+
+def _fullest_level(
+    heights: NDArray[np.float32], areas: NDArray[np.float32], config: SegmentationConfig
+) -> float | None:
+    """Return the height at which most area lies within 2 cm, or None where too little does."""
+    if heights.size == 0:
+        return None
+    bins = int(np.ceil((config.highest - config.lowest) / BIN_M))
+    index = np.clip(((heights - config.lowest) / BIN_M).astype(np.int64), 0, bins - 1)
+    histogram = np.bincount(index, weights=areas, minlength=bins)
+    smooth = np.convolve(histogram, np.ones(5), mode="same")
+    best = int(np.argmax(smooth))
+    if smooth[best] < config.least_area:
+        return None
+    around = slice(max(best - 2, 0), best + 3)
+    centres = config.lowest + (np.arange(bins)[around] + 0.5) * BIN_M
+    return float(np.average(centres, weights=histogram[around]))
+
+
+def _describe(view: View, mask: NDArray[np.bool_], area: float, number: int) -> Patch:
+    snapshot = view.snapshot
+    inside = view.points[mask]
+    height = float(np.median(inside[:, 2]))
+    mount = snapshot.base_from_camera
+    camera = mount[:2, 3]
+    index = np.floor(inside[:, :2] / CELL_M).astype(np.int64)
+    low = index.min(axis=0)
+    occupied = np.zeros(tuple(index.max(axis=0) - low + 1), dtype=bool)
+    occupied[tuple((index - low).T)] = True
+    cells = np.argwhere(occupied) + low
+    places = (cells + 0.5) * CELL_M
+    open_share, walled_share = _surroundings(view, cells, height)
+    return Patch(
+        view=snapshot.index,
+        height=height,
+        area=area,
+        cells=snapshot.map_from_base.apply(places),
+        camera=snapshot.map_from_base.apply(camera),
+        gaze=_gaze(mount, height, places),
+        open_share=open_share,
+        walled_share=walled_share,
+        number=number,
+    )
+
+
+def _gaze(base_from_camera: Floats, height: float, places: Floats) -> float:
+    """Return how far the optical axis passes the surface, in metres at its height."""
+    origin, axis = base_from_camera[:3, 3], base_from_camera[:3, 2]
+    drop = origin[2] - height
+    reach = drop / -axis[2] if axis[2] < -1e-3 and drop > 0 else FARTHEST_M
+    target = origin[:2] + axis[:2] * min(float(reach), FARTHEST_M)
+    return float(np.linalg.norm(places - target, axis=1).min())
+
+
+def _surroundings(
+    view: View, cells: NDArray[np.int64], height: float
+) -> tuple[float | None, float]:
+    """Return how open it is below, and the share of its rim that rises.
+
+    A table lets one see under it; a couch, a bench or a cupboard shows a front. A backrest, an arm
+    or a wall rises at the rim.
+    """
+    margin = 5
+    low = cells.min(axis=0) - margin
+    shape = tuple(int(n) for n in cells.max(axis=0) - low + margin + 1)
+    grid = np.zeros(shape, dtype=bool)
+    grid[tuple((cells - low).T)] = True
+    grid = ndimage.binary_fill_holes(ndimage.binary_closing(grid, np.ones((3, 3))))
+    inner = ndimage.binary_erosion(grid, np.ones((3, 3)), iterations=2)
+    rim = ndimage.binary_dilation(grid, np.ones((3, 3)), iterations=2) & ~inner
+    z = view.points[..., 2]
+    with np.errstate(invalid="ignore"):
+        lower = z < height - 0.12
+        upper = (z > height + 0.10) & (z < height + 0.70)
+
+    def where(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+        points = view.points[mask]
+        index = np.floor(points[:, :2] / CELL_M).astype(np.int64) - low
+        fits = np.all((index >= 0) & (index < np.array(shape)), axis=1)
+        return index[fits], points[fits, 2]
+
+    under, heights = where(lower)
+    beneath = int(inner[tuple(under.T)].sum())
+    front = int((rim[tuple(under.T)] & (heights > 0.08)).sum())
+    rising, _ = where(upper)
+    raised = np.zeros(shape, dtype=bool)
+    raised[tuple(rising.T)] = True
+    edge = grid & ~ndimage.binary_erosion(grid, np.ones((3, 3)))
+    near_raised = ndimage.binary_dilation(raised, np.ones((3, 3)), iterations=2)
+    walled = float((edge & near_raised).sum() / max(int(edge.sum()), 1))
+    seen = beneath + front
+    return (beneath / seen if seen >= 50 else None), walled

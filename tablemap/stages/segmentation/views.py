@@ -1,0 +1,115 @@
+"""A snapshot as segmentation looks at it: heights, their noise, and what faces up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import PIL.Image
+import PIL.ImageDraw
+import shapely
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from tablemap.stages.snapshots import Snapshot, depth_sigma
+from tablemap.stages.snapshots.normals import upward_share
+
+COARSE_SIGMA_M = 0.008
+NORMAL_WINDOW_PX, COARSE_WINDOW_PX = 4, 9
+CELL_M = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One snapshot at every ``stride``-th pixel.
+
+    ``points`` (h, w, 3) float32 in the base, NaN where missing; ``sigma`` (h, w) of their height;
+    ``upward`` (h, w) |n_z|; ``area`` (h, w) square metres of a
+    horizontal surface that a pixel covers.
+    """
+
+    snapshot: Snapshot
+    stride: int
+    points: NDArray[np.float32]
+    sigma: NDArray[np.float32]
+    upward: NDArray[np.float32]
+    area: NDArray[np.float32]
+
+
+def look(snapshot: Snapshot, *, stride: int, coarser: View | None = None) -> View:
+    """Prepare a snapshot at every ``stride``-th pixel.
+
+    Normals are costly and smooth: those of a ``coarser`` view of the same snapshot are taken over.
+    """
+    depth = snapshot.depth[::stride, ::stride]
+    turned = snapshot.camera.rays[::stride, ::stride] @ (
+        snapshot.base_from_camera[:3, :3].T.astype(np.float32)
+    )
+    points = turned * depth[..., None] + snapshot.base_from_camera[:3, 3].astype(np.float32)
+    steep = np.abs(turned[..., 2])
+    noise = depth_sigma(snapshot)[::stride, ::stride]
+    if coarser is None:
+        valid = np.isfinite(noise)
+        coarse = bool(valid.any() and float(np.median(noise[valid])) > COARSE_SIGMA_M)
+        # Coarse steps need wide windows, far or fine noise does not.
+        upward = upward_share(points, COARSE_WINDOW_PX if coarse else NORMAL_WINDOW_PX)
+    else:
+        times = coarser.stride // stride
+        upward = np.repeat(np.repeat(coarser.upward, times, axis=0), times, axis=1)
+        upward = upward[: depth.shape[0], : depth.shape[1]]
+    pixel = stride**2 * depth**2 / (snapshot.camera.fx * snapshot.camera.fy)
+    return View(
+        snapshot=snapshot,
+        stride=stride,
+        points=points,
+        sigma=noise * steep,
+        upward=upward,
+        area=(pixel / np.maximum(steep, 0.1)).astype(np.float32),
+    )
+
+
+def tolerance(sigma: NDArray[np.float32], least: float, sigmas: float) -> NDArray[np.float32]:
+    """Return how far from a plane, in metres of height, a pixel with this noise may lie."""
+    width: NDArray[np.float32] = np.maximum(np.float32(least), np.float32(sigmas) * sigma)
+    return width
+
+
+def inside(
+    area: shapely.Geometry, points: NDArray[np.float32], among: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Return which of the pixels ``among`` lie in a polygon of the base, to half a cell."""
+    result = np.zeros_like(among)
+    if area.geom_type != "Polygon" or area.is_empty:
+        return result
+    left, bottom, right, top = area.bounds
+    x, y = points[..., 0], points[..., 1]
+    with np.errstate(invalid="ignore"):
+        boxed = among & (x > left) & (x < right) & (y > bottom) & (y < top)
+    cells = (int((right - left) / CELL_M) + 2, int((top - bottom) / CELL_M) + 2)
+    raster = PIL.Image.new("1", cells)
+    ring = (np.array(area.exterior.coords) - (left, bottom)) / CELL_M
+    PIL.ImageDraw.Draw(raster).polygon([(float(u), float(v)) for u, v in ring], fill=1)
+    grid = np.array(raster, dtype=bool)
+    u = ((x[boxed] - np.float32(left)) / np.float32(CELL_M)).astype(np.int32)
+    v = ((y[boxed] - np.float32(bottom)) / np.float32(CELL_M)).astype(np.int32)
+    result[boxed] = grid[np.clip(v, 0, cells[1] - 1), np.clip(u, 0, cells[0] - 1)]
+    return result
+
+
+def is_parted(
+    first: NDArray[np.bool_], second: NDArray[np.bool_], through: NDArray[np.bool_]
+) -> bool:
+    """Say whether the shortest way from a surface to another mostly leads over pixels seen through.
+
+    All are masks of one image; both surfaces have pixels.
+    """
+    rows, columns = ndimage.distance_transform_edt(
+        ~second, return_distances=False, return_indices=True
+    )
+    v, u = np.nonzero(first)
+    pick = np.linspace(0, len(v) - 1, min(len(v), 40)).astype(np.int64)
+    v, u = v[pick], u[pick]
+    fraction = np.linspace(0, 1, 48)[None, :]
+    line_v = np.round(v[:, None] + fraction * (rows[v, u] - v)[:, None]).astype(np.int64)
+    line_u = np.round(u[:, None] + fraction * (columns[v, u] - u)[:, None]).astype(np.int64)
+    return float(through[line_v, line_u].any(axis=1).mean()) >= 0.5

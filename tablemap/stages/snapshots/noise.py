@@ -1,0 +1,91 @@
+"""How well an image knows its depth: noise and quantisation, read off the image itself."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tablemap.stages.snapshots.result import Snapshot
+
+ROW_STRIDE_PX = 5
+LAG_PX = 4  # structured light correlates neighbouring pixels; this far apart they are nearly free
+SLAB_M = 0.25
+BIN_M = 0.0005
+LEAST_SAMPLES = 200
+COARSE_SHARE = 0.015
+LEAST_SIGMA_M = 0.0005
+
+
+def axial_noise(depth: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the axial noise in metres of a structured-light camera (Nguyen 2012, frontal)."""
+    return (0.0012 + 0.0019 * (depth - 0.4) ** 2).astype(np.float32)
+
+
+def depth_sigma(snapshot: Snapshot) -> NDArray[np.float32]:
+    """Return (height, width) the standard deviation of each depth in metres, NaN where missing.
+
+    Per slab of range: the spread of second differences along the rows (of which a plane has none),
+    and the distance between the depth values that occur at all, as a uniform error of that width.
+    Where a slab has too few pixels, the noise of a structured-light camera stands in.
+    """
+    depth = snapshot.depth
+    slab = np.where(np.isfinite(depth), depth / SLAB_M, 0).astype(np.int32)
+    count = int(slab.max()) + 1 if slab.size else 1
+    centres = ((np.arange(count) + 0.5) * SLAB_M).astype(np.float32)
+    sigmas = axial_noise(centres)
+    steps = _value_steps(depth, count)
+    if depth.shape[1] > 2 * LAG_PX:
+        rows = depth[::ROW_STRIDE_PX]
+        middle = rows[:, LAG_PX:-LAG_PX]
+        bend = np.abs(rows[:, : -2 * LAG_PX] - 2 * middle + rows[:, 2 * LAG_PX :])
+        smooth = bend < 0.05 * middle  # NaN compares false
+        bends, slabs = bend[smooth], slab[::ROW_STRIDE_PX, LAG_PX:-LAG_PX][smooth]
+        order = np.argsort(slabs, kind="stable")
+        bounds = np.searchsorted(slabs[order], np.arange(count + 1))
+        for k in range(count):
+            if bounds[k + 1] - bounds[k] >= LEAST_SAMPLES:
+                spread = np.median(bends[order[bounds[k] : bounds[k + 1]]])
+                sigmas[k] = 1.4826 * spread / np.sqrt(6)
+    sigmas = np.sqrt(sigmas**2 + steps**2 / 12 + LEAST_SIGMA_M**2)
+    per_pixel: NDArray[np.float32] = sigmas[slab].astype(np.float32)
+    per_pixel[~np.isfinite(depth)] = np.nan
+    return per_pixel
+
+
+def coarse_step(snapshot: Snapshot) -> float:
+    """Return the distance in metres between depth values where they are coarse, else 0.
+
+    A disparity's steps, up to a percent of the range, are none of it: they are rounded evenly.
+    """
+    depth = snapshot.depth
+    valid = depth[np.isfinite(depth)]
+    if valid.size == 0:
+        return 0.0
+    slabs = (valid / SLAB_M).astype(np.int64)
+    counts = np.bincount(slabs)
+    steps = _value_steps(depth, len(counts))
+    relative = steps / ((np.arange(len(counts)) + 0.5) * SLAB_M)
+    order = np.argsort(relative)
+    half = int(np.searchsorted(np.cumsum(counts[order]), valid.size / 2))
+    middle = order[min(half, len(order) - 1)]
+    return float(steps[middle]) if relative[middle] > COARSE_SHARE else 0.0
+
+
+def _value_steps(depth: NDArray[np.float32], slabs: int) -> NDArray[np.float32]:
+    """Return the (slabs,) distance between occurring depth values, 0 where they lie densely."""
+    steps = np.zeros(slabs, dtype=np.float32)
+    thin = depth[::2, ::2]
+    valid = thin[np.isfinite(thin)]
+    if valid.size == 0:
+        return steps
+    counts = np.bincount((valid / BIN_M).astype(np.int64))
+    occupied = np.flatnonzero(counts >= max(3, valid.size // 50_000))
+    values = occupied * BIN_M
+    for k in range(slabs):
+        # A slab's neighbours count too: coarse steps leave few values in one slab.
+        near = values[(values >= (k - 1) * SLAB_M) & (values < (k + 2) * SLAB_M)]
+        pixels = counts[occupied[(values >= k * SLAB_M) & (values < (k + 1) * SLAB_M)]].sum()
+        if len(near) >= 4 and pixels >= LEAST_SAMPLES:
+            step = float(np.median(np.diff(near)))
+            steps[k] = step if step > 2 * BIN_M else 0.0
+    return steps

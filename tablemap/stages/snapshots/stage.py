@@ -1,0 +1,236 @@
+"""From a recording's stamps and poses to its snapshots, in two passes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tablemap.config import SnapshotsConfig
+from tablemap.errors import EstimationError, RecordingError
+from tablemap.geometry import Pose2, invert
+from tablemap.recording import DepthFrame, Recording
+from tablemap.stages.snapshots.combining import combine
+from tablemap.stages.snapshots.directions import by_direction, planar_pose, same_mount, views_at
+from tablemap.stages.snapshots.result import Camera, SetAside, Snapshot, Snapshots, Viewpoint
+from tablemap.stages.snapshots.stops import (
+    choose_by_new_view,
+    far_apart,
+    is_same_place,
+    sample_motion,
+    standing_intervals,
+)
+
+
+def take_snapshots(recording: Recording, *, config: SnapshotsConfig) -> Snapshots:
+    """Find the viewpoints by the poses, then decode and combine only their images.
+
+    Each stop gives one snapshot, or one for each direction in which the camera rested there; a
+    recording that never stands still gives keyframes by distance and angle. Raises
+    `RecordingError` without depth images and `EstimationError` where none of them has a pose.
+    """
+    stamps = np.unique(recording.depth_stamps())
+    if len(stamps) == 0:
+        raise RecordingError(
+            "Expected depth images, found none; record the depth topic or name it with "
+            f"--set topics.depth=TOPIC: {recording.path}"
+        )
+    located, aside = _with_pose(recording, stamps)
+    kind, stops = _plan(recording, located, config)
+    viewpoints: list[Viewpoint] = []
+    for stop in stops:
+        parts, unused = by_direction(recording, stop, config)
+        viewpoints += parts
+        aside += unused
+    kept = _limit(recording, viewpoints, kind, config)
+    skipped = [viewpoints[i] for i in np.setdiff1d(np.arange(len(viewpoints)), kept)]
+    for viewpoint in skipped:
+        aside.append(
+            SetAside(
+                "viewpoint",
+                viewpoint.middle_ns,
+                f"no new view among the {config.maximum} that are kept at most",
+            )
+        )
+    snapshots, dropped = _decode(recording, [viewpoints[i] for i in kept], config)
+    if not snapshots:
+        raise EstimationError(
+            f"Expected depth images at {len(kept)} viewpoints, but none could be decoded; "
+            f"see the warnings of `tablemap info`: {recording.path}"
+        )
+    aside = sorted([*aside, *dropped], key=lambda entry: entry.stamp_ns)
+    return Snapshots(tuple(snapshots), tuple(aside), kind)
+
+
+def _with_pose(
+    recording: Recording, stamps: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], list[SetAside]]:
+    """Part the stamps into those with a localised pose and a note of those without."""
+    known = np.array([recording.fixed_from_base(int(s)) is not None for s in stamps], dtype=bool)
+    names = recording.names
+    if not known.any():
+        poses = recording.pose_stamps()
+        span = (
+            f"poses cover {(int(poses[-1]) - int(poses[0])) / 1e9:.1f} s from "
+            f"{(int(poses[0]) - int(stamps[0])) / 1e9:+.1f} s after the first image"
+            if len(poses)
+            else "no pose was recorded"
+        )
+        raise EstimationError(
+            f"Expected the pose of {names.base!r} in {names.fixed!r} at the depth images' stamps, "
+            f"found none on /tf ({span}); record /tf and /tf_static, or set topics.fixed_frame and "
+            f"topics.base_frame: {recording.path}"
+        )
+    reason = f"no pose of {names.base!r} in {names.fixed!r} at its stamp"
+    return stamps[known], [SetAside("depth image", int(s), reason) for s in stamps[~known]]
+
+
+def _plan(
+    recording: Recording, stamps: NDArray[np.int64], config: SnapshotsConfig
+) -> tuple[str, list[Viewpoint]]:
+    """Return the kind of recording and its viewpoints, before any limit on their number."""
+    poses = recording.pose_stamps()
+    if far_apart(stamps) and (len(poses) < 2 or far_apart(poses)):
+        return "stops", _by_place(recording, stamps)
+    motion = sample_motion(recording, stamps)
+    intervals = standing_intervals(motion, config)
+    stops = []
+    for start, end in intervals:
+        inside = stamps[(stamps >= start) & (stamps <= end)]
+        if len(inside):
+            stops.append(Viewpoint(start, end, inside))
+    standing = sum(len(stop.stamps_ns) for stop in stops)
+    if len(stops) >= config.least_stops and 10 * standing >= len(stamps):
+        return "stops", stops
+    if stops and 2 * standing >= len(stamps):
+        return "stops", stops
+    if far_apart(stamps):
+        return "stops", _by_place(recording, stamps)
+    return "keyframes", [Viewpoint(int(s), int(s), np.array([s])) for s in stamps]
+
+
+def _by_place(recording: Recording, stamps: NDArray[np.int64]) -> list[Viewpoint]:
+    """Group images far apart in time: those taken in a row at one place are one viewpoint."""
+    groups: list[list[int]] = []
+    place: Pose2 | None = None
+    for stamp in stamps:
+        pose = planar_pose(recording, int(stamp))
+        if place is not None and is_same_place(place, pose):
+            groups[-1].append(int(stamp))
+            continue
+        groups.append([int(stamp)])
+        place = pose
+    return [Viewpoint(g[0], g[-1], np.array(g, dtype=np.int64)) for g in groups]
+
+
+def _limit(
+    recording: Recording, viewpoints: list[Viewpoint], kind: str, config: SnapshotsConfig
+) -> NDArray[np.int64]:
+    """Return the indices of the viewpoints to keep, at most as many as configured."""
+    if all(len(v.stamps_ns) > 1 or v.end_ns > v.start_ns for v in viewpoints) and (
+        len(viewpoints) <= config.maximum
+    ):
+        return np.arange(len(viewpoints))
+    views = views_at(recording, np.array([v.middle_ns for v in viewpoints], dtype=np.int64))
+    if kind == "keyframes":
+        views[:, 3] = 0.0  # what moves nods on its way; another place is soon seen anyhow
+    return choose_by_new_view(views, config.maximum, config)
+
+
+def _decode(
+    recording: Recording, viewpoints: list[Viewpoint], config: SnapshotsConfig
+) -> tuple[list[Snapshot], list[SetAside]]:
+    """Stream the chosen images, one viewpoint's worth in memory at a time."""
+    chosen = [_spread(v.stamps_ns, config.images_per_stop) for v in viewpoints]
+    owner = {int(s): i for i, stamps in enumerate(chosen) for s in stamps}
+    colours = recording.colour_near(np.array([v.middle_ns for v in viewpoints], dtype=np.int64))
+    snapshots: list[Snapshot] = []
+    aside: list[SetAside] = []
+    cameras: dict[Camera, Camera] = {}
+
+    def finish(which: int, frames: list[DepthFrame]) -> None:
+        viewpoint = viewpoints[which]
+        alike = _alike(frames)
+        aside.extend(
+            SetAside("depth image", f.stamp_ns, "the camera moved, or changed, during the stop")
+            for i, f in enumerate(frames)
+            if i not in alike
+        )
+        same = [frames[i] for i in alike]
+        middle = same[len(same) // 2]
+        camera = _camera(middle)
+        fixed_from_base = recording.fixed_from_base(middle.stamp_ns)
+        if fixed_from_base is None:
+            aside.append(SetAside("depth image", middle.stamp_ns, "no pose at its stamp"))
+            return
+        pose = Pose2.projected(fixed_from_base)
+        wheels = recording.odom_from_base(middle.stamp_ns)
+        snapshots.append(
+            Snapshot(
+                index=len(snapshots),
+                stamp_ns=middle.stamp_ns,
+                start_ns=viewpoint.start_ns,
+                end_ns=viewpoint.end_ns,
+                images=len(same),
+                depth=combine([f.depth for f in same]),
+                camera=cameras.setdefault(camera, camera),
+                base_from_camera=invert(pose.lifted()) @ fixed_from_base @ middle.base_from_camera,
+                map_from_base=pose,
+                odom_from_base=None if wheels is None else Pose2.projected(wheels),
+                depth_message=middle.message,
+                colour_message=colours.get(viewpoint.middle_ns),
+                base_z=float(fixed_from_base[2, 3]),
+            )
+        )
+
+    pending: list[DepthFrame] = []
+    current = -1
+    decoded: set[int] = set()
+    for frame in recording.depth_frames(np.array(sorted(owner), dtype=np.int64)):
+        which = owner.get(frame.stamp_ns)
+        if which is None or frame.stamp_ns in decoded:
+            continue
+        decoded.add(frame.stamp_ns)
+        if which != current and pending:
+            finish(current, pending)
+            pending = []
+        current = which
+        pending.append(frame)
+    if pending:
+        finish(current, pending)
+    aside.extend(
+        SetAside("depth image", s, "it could not be decoded") for s in owner if s not in decoded
+    )
+    return snapshots, aside
+
+
+def _spread(stamps: NDArray[np.int64], most: int) -> NDArray[np.int64]:
+    """Return at most ``most`` stamps, evenly spread, the middle one of all among them."""
+    if len(stamps) <= most:
+        return stamps
+    picked = np.unique(np.round(np.linspace(0, len(stamps) - 1, most)).astype(np.int64))
+    picked[len(picked) // 2] = len(stamps) // 2
+    return stamps[np.unique(picked)]
+
+
+def _alike(frames: list[DepthFrame]) -> list[int]:
+    """Return the indices of the largest group with one camera, held the same way."""
+    groups: list[list[int]] = []
+    for i, frame in enumerate(frames):
+        for group in groups:
+            first = frames[group[0]]
+            if (
+                frame.depth.shape == first.depth.shape
+                and np.allclose(frame.k, first.k)
+                and same_mount(frame.base_from_camera, first.base_from_camera)
+            ):
+                group.append(i)
+                break
+        else:
+            groups.append([i])
+    return max(groups, key=len)
+
+
+def _camera(frame: DepthFrame) -> Camera:
+    height, width = frame.depth.shape
+    k = frame.k
+    return Camera(width, height, float(k[0, 0]), float(k[1, 1]), float(k[0, 2]), float(k[1, 2]))

@@ -1,0 +1,305 @@
+"""Every primitive, fitted from its best start; and the hull, for when none is right."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+
+from tablemap.config import SurfaceConfig
+from tablemap.geometry import Floats
+from tablemap.stages.surface.choice import (
+    Criterion,
+    assumed_noise,
+    criterion,
+    dispersion_of,
+    estimate_noise,
+)
+from tablemap.stages.surface.evidence import Evidence
+from tablemap.stages.surface.joint import (
+    JointFit,
+    Spread,
+    fit_jointly,
+    spread_of,
+    unfitted,
+    with_nuisances_of,
+)
+from tablemap.stages.surface.polygons import polygons
+from tablemap.stages.surface.residuals import Noise
+from tablemap.stages.surface.shapes.curved import Circle, RoundedRectangle
+from tablemap.stages.surface.shapes.shape import Shape, area
+from tablemap.stages.surface.shapes.straight import Parallelogram, Polygon, Rectangle, Sided, Square
+from tablemap.stages.surface.starts import generators
+from tablemap.stages.surface.status import UNSEEN, dimension_statuses, hold_unseen, sights, statuses
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A fitted shape, what the fit leaves open, and its cost.
+
+    ``is_hull`` marks the hull, which is no primitive.
+    """
+
+    fit: JointFit
+    spread: Spread
+    criterion: Criterion
+    cost: float
+    inlier_fraction: float
+    is_hull: bool = False
+
+    @property
+    def name(self) -> str:
+        """The shape's name in the model."""
+        return "mesh" if self.is_hull else self.fit.shape.name
+
+
+def fit_candidates(
+    evidence: Evidence, config: SurfaceConfig, random: np.random.Generator
+) -> list[Candidate]:
+    """Fit every primitive, each kind from its best start, and the hull; cheapest first."""
+    sigma = float(np.median(evidence.sigma))
+    wide = (max(0.03 / sigma, config.loss_sigmas), max(0.01 / sigma, config.loss_sigmas))
+    narrow = (config.loss_sigmas,)
+    coarse = evidence.thinned(config.points_coarse)
+    assumed = assumed_noise(evidence, config)
+
+    def best(starts: list[Shape], gates: tuple[float, ...] = (*wide, *narrow)) -> list[JointFit]:
+        """Try all starts on few points, and fit the best of them to all."""
+        fits = [
+            _settle(unfitted(shape, coarse), coarse, config, gates, assumed_noise(coarse, config))
+            for shape in starts
+            if shape.is_plausible()
+        ]
+        if not fits:
+            return []
+        first = min(fits, key=_raw_cost)
+        return [_settle(first, evidence, config, narrow, assumed)]
+
+    starts = generators(evidence, config, random)
+    fits = {kind: best(starts[kind]) for kind in ("circle", "ellipse", "rectangle")}
+    for box in fits["rectangle"]:
+        x, y, yaw, length, width = box.shape.parameters
+        side = float(np.sqrt(length * width))
+        upright = Parallelogram(np.array([x, y, yaw, length, width, np.pi / 2]))
+        fits["square"] = best([Square(np.array([x, y, yaw, side]))], (wide[1], *narrow))
+        fits["parallelogram"] = best([upright, *starts["parallelogram"]])
+        rounded: list[Shape] = [
+            RoundedRectangle(np.array([x, y, yaw, length, width, radius]))
+            for radius in (0.03, 0.25 * width)
+        ]
+        fits["rounded"] = best(rounded, (wide[1], *narrow))
+    simple = [fit for found in fits.values() for fit in found]
+    if simple:
+        placed = min(simple, key=_raw_cost)
+    else:
+        placed = unfitted(Circle(np.array([0.0, 0.0, 0.5])), evidence)
+    trusted = placed if _inliers(placed, evidence) > 0.8 else unfitted(placed.shape, evidence)
+    shapes = polygons(trusted.points, trusted.normals, evidence, config)
+    fits["polygon"] = [
+        _settle(with_nuisances_of(shape, trusted), evidence, config, (wide[1], *narrow), assumed)
+        for shape in _promising(shapes, coarse, trusted, config, wide[1])
+    ]
+    return _weighed(list(fits.values()), evidence, config, assumed)
+
+
+def _weighed(
+    fits: list[list[JointFit]], evidence: Evidence, config: SurfaceConfig, assumed: Noise
+) -> list[Candidate]:
+    """Fit all again with the noise as it turns out to be, and keep the cheapest of each kind."""
+    everything = [fit for found in fits for fit in found]
+    noise, least = assumed, np.inf
+    if everything:
+        # What follows the points most closely says what noise is: a wrong shape's misfit is none.
+        noise = estimate_noise(min(everything, key=_raw_cost), evidence, config)
+        least = min(_cost(fit, evidence, config) for fit in everything)
+    candidates = []
+    for found in fits:
+        refined = []
+        for fit in found:
+            fit = with_nuisances_of(fit.shape.normalised(), fit)
+            if _cost(fit, evidence, config) > least + _HOPELESS:
+                fit = _seen_from(fit, evidence, config, noise)
+            else:
+                fit = _settle(fit, evidence, config, (config.loss_sigmas,), noise)
+            if fit.shape.normalised() is not fit.shape:
+                fit = with_nuisances_of(fit.shape.normalised(), fit)
+                fit = _settle(fit, evidence, config, (config.loss_sigmas,), noise)
+            candidate = _candidate(fit, evidence, config)
+            if _is_supported(candidate, config):
+                refined.append(candidate)
+        if refined:
+            candidates.append(min(refined, key=lambda candidate: candidate.cost))
+    hull = _hull_candidate(evidence, config, noise, candidates)
+    if hull is not None:
+        candidates.append(hull)
+    if not candidates:
+        return []
+    closest = min((candidate.fit for candidate in candidates), key=_raw_cost)
+    dispersion = dispersion_of(closest)
+    weighed = [replace(each, cost=each.criterion.cost(dispersion)) for each in candidates]
+    return sorted(_unbent(weighed, evidence, config), key=lambda candidate: candidate.cost)
+
+
+def _unbent(
+    candidates: list[Candidate], evidence: Evidence, config: SurfaceConfig
+) -> list[Candidate]:
+    """Discount a skew by what a bent drive would make of a rectangle.
+
+    What speaks for an angle, d^2 / sigma^2, is worth d^2 / (sigma^2 + skew^2) where the poses may
+    be bent by ``Evidence.skew_sigma``.
+    """
+    upright = [c for c in candidates if isinstance(c.fit.shape, Rectangle)]
+    if not evidence.skew_sigma or not upright:
+        return candidates
+    rectangle = upright[0]
+    result = []
+    for each in candidates:
+        if isinstance(each.fit.shape, Parallelogram):
+            effective = max(len(each.fit.distance) / each.fit.noise.kappa, 2.0)
+            penalty = float(np.log(effective)) + config.symmetry_cost
+            advantage = max(rectangle.cost - (each.cost - penalty), 0.0)
+            variance = float(each.spread.covariance[5, 5])
+            share = variance / (variance + evidence.skew_sigma**2)
+            each = replace(each, cost=rectangle.cost + penalty - share * advantage)
+        result.append(each)
+    return result
+
+
+def _settle(
+    start: JointFit,
+    evidence: Evidence,
+    config: SurfaceConfig,
+    gates: tuple[float, ...],
+    noise: Noise,
+) -> JointFit:
+    """Fit with each loss scale in turn; before each, anchor the sides that nothing holds."""
+    if not isinstance(start.shape, Sided):
+        return fit_jointly(start, evidence, config, gates=gates, iterations=8, noise=noise)
+    fit = start
+    for gate in gates:
+        anchors = hold_unseen(_seen_from(fit, evidence, config, noise), evidence, config)
+        fit = fit_jointly(
+            fit, evidence, config, gates=(gate,), iterations=8, anchors=anchors, noise=noise
+        )
+    return fit
+
+
+def _promising(
+    shapes: list[Sided],
+    coarse: Evidence,
+    trusted: JointFit,
+    config: SurfaceConfig,
+    gate: float,
+) -> list[Sided]:
+    """Keep the best two of the polygons, by a quick fit to few points."""
+    noise = assumed_noise(coarse, config)
+    ranked: list[tuple[float, Sided]] = []
+    for shape in shapes:
+        start = with_nuisances_of(shape, trusted)
+        fit = _settle(start, coarse, config, (gate, config.loss_sigmas), noise)
+        if fit.shape.is_plausible():
+            moved = shape.at(fit.shape.parameters)
+            ranked.append((_cost(fit, coarse, config), moved))
+    ranked.sort(key=lambda entry: entry[0])
+    return [shape for _, shape in ranked[:2]]
+
+
+# A cost above the least at this distance is a weight of nothing.
+_HOPELESS = 100.0
+
+
+def hull_of(evidence: Evidence, points: Floats) -> Floats:
+    """Return the concave hull (n, 2), counter-clockwise, of all seen top and the edge points."""
+    seen = shapely.MultiPoint(np.concatenate([evidence.top, points]))
+    ring = shapely.concave_hull(seen, ratio=0.15)
+    if not isinstance(ring, shapely.Polygon) or ring.is_empty:
+        ring = shapely.convex_hull(seen)
+    if not isinstance(ring, shapely.Polygon):
+        return np.empty((0, 2))
+    corners = np.asarray(ring.exterior.coords)[:-1]
+    return corners if area(corners) > 0 else corners[::-1]
+
+
+def _cost(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> float:
+    return criterion(fit, evidence, config).cost()
+
+
+def _raw_cost(fit: JointFit) -> float:
+    return fit.data_cost / fit.noise.kappa + fit.prior_cost
+
+
+def _inliers(fit: JointFit, evidence: Evidence) -> float:
+    limit = np.maximum(3 * fit.noise.sigma(evidence), 0.01)
+    return float(np.mean((fit.side >= 0) & (np.abs(fit.distance) < limit)))
+
+
+def _candidate(
+    fit: JointFit, evidence: Evidence, config: SurfaceConfig, *, is_hull: bool = False
+) -> Candidate:
+    weighed = criterion(fit, evidence, config)
+    return Candidate(
+        fit=fit,
+        spread=spread_of(fit, evidence, config),
+        criterion=weighed,
+        cost=weighed.cost(),
+        inlier_fraction=_inliers(fit, evidence),
+        is_hull=is_hull,
+    )
+
+
+def _seen_from(fit: JointFit, evidence: Evidence, config: SurfaceConfig, noise: Noise) -> JointFit:
+    """Measure the points against a shape without moving it."""
+    return fit_jointly(fit, evidence, config, gates=(), iterations=0, noise=noise)
+
+
+def _is_supported(candidate: Candidate, config: SurfaceConfig) -> bool:
+    """Say whether the evidence can speak for this shape at all.
+
+    A square needs both its sizes; a free polygon, all its sides; a rounded corner, a radius beyond
+    what a pixel makes of a sharp one, by three sigmas.
+    """
+    fit = candidate.fit
+    shape = fit.shape
+    if not shape.is_plausible() or not np.isfinite(fit.data_cost):
+        return False
+    if isinstance(shape, Square):
+        as_rectangle = Rectangle(np.insert(shape.parameters, 4, shape.parameters[3]))
+        seen = sights(fit)
+        status = statuses(as_rectangle, seen, config)
+        return UNSEEN not in dimension_statuses(as_rectangle, seen, status).values()
+    if isinstance(shape, Polygon):
+        # Nothing says where a free side runs that was not seen.
+        return UNSEEN not in statuses(shape, sights(fit), config)
+    if isinstance(shape, RoundedRectangle):
+        least = config.corner_resolution + 3 * np.sqrt(candidate.spread.covariance[5, 5])
+        return bool(shape.parameters[5] > least)
+    return True
+
+
+def _hull_candidate(
+    evidence: Evidence, config: SurfaceConfig, noise: Noise, candidates: list[Candidate]
+) -> Candidate | None:
+    """Take the hull of what was seen as a polygon with as many parameters as it has."""
+    if candidates:
+        fit = min((candidate.fit for candidate in candidates), key=_raw_cost)
+    else:
+        fit = unfitted(Circle(np.array([0.0, 0.0, 0.5])), evidence)
+    inlying = fit.points[fit.misfit < 5] if candidates else fit.points
+    ring = hull_of(evidence, inlying)
+    for tolerance in (0.01, 0.02, 0.04):
+        if len(ring) < 3:
+            return None
+        simple = np.asarray(shapely.Polygon(ring).simplify(tolerance).exterior.coords)[:-1]
+        shape = _through(simple if area(simple) > 0 else simple[::-1])
+        if shape.is_plausible():
+            measured = _seen_from(with_nuisances_of(shape, fit), evidence, config, noise)
+            return _candidate(measured, evidence, config, is_hull=True)
+    return None
+
+
+def _through(ring: Floats) -> Polygon:
+    along = np.roll(ring, -1, axis=0) - ring
+    angle = np.unwrap(np.arctan2(-along[:, 0], along[:, 1]))
+    offset = ring[:, 0] * np.cos(angle) + ring[:, 1] * np.sin(angle)
+    return Polygon(np.concatenate([angle, offset]))

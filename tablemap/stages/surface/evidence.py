@@ -1,0 +1,221 @@
+"""All views' evidence about the outline in one set of arrays, ready for the joint fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tablemap.config import SurfaceConfig
+from tablemap.errors import EstimationError, ProcessWarning
+from tablemap.geometry import Floats, Pose2
+from tablemap.stages.outline import EdgeKind, Outline, ViewEdges
+from tablemap.stages.registration import Registration
+from tablemap.stages.surface.priors import (
+    common_sigma,
+    corrections_root,
+    pose_sigma,
+    skew_sigma,
+)
+
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Edge points of all views, sorted by view, and the cells of the plane seen as top or free.
+
+    Everything is relative to ``origin`` (2,) in the map, a point amid the table, so that angles and
+    offsets of lines are hardly correlated. ``in_base``, ``normal_in_base`` and ``lever`` (N, 2;
+    from the camera to the point) are in the base of snapshot ``view`` (N,); ``poses`` (n, 3) are
+    all snapshots' x, y, yaw. Their corrections (x, y, yaw, scale of the lever) are ``prior_root``
+    (4n, m) times m independent unit normals. ``top`` and ``free`` (c, 2) are centres of cells of
+    ``cell`` metres. ``spacing_px`` is the typical distance between neighbouring edge points of a
+    view. ``common_mean`` and ``common_sigma`` (6,) are the priors of the nuisances that all views
+    share. ``pose_sigma`` is how well a view's place is known (metres, the views' median),
+    ``skew_sigma`` (radians) by how much the drive may be bent: poses from depth alone share what is
+    systematic about the camera, the laser's do not.
+    """
+
+    origin: Floats
+    in_base: Floats
+    normal_in_base: Floats
+    lever: Floats
+    sigma: Floats
+    view: Ints
+    is_near: NDArray[np.bool_]
+    poses: Floats
+    prior_root: Floats
+    views: Ints
+    view_slices: tuple[slice, ...]
+    top: Floats
+    free: Floats
+    cell: float
+    spacing_px: float
+    points: Floats
+    normals: Floats
+    common_mean: Floats
+    common_sigma: Floats
+    pose_sigma: float
+    skew_sigma: float
+
+    def thinned(self, most: int) -> Evidence:
+        """Return the same with about ``most`` of the edge points, evenly along each contour."""
+        step = max(len(self.view) // most, 1)
+        kept = [np.arange(part.start, part.stop, step) for part in self.view_slices]
+        ends = np.cumsum([len(part) for part in kept])
+        chosen = np.concatenate(kept)
+        return replace(
+            self,
+            in_base=self.in_base[chosen],
+            normal_in_base=self.normal_in_base[chosen],
+            lever=self.lever[chosen],
+            sigma=self.sigma[chosen],
+            view=self.view[chosen],
+            is_near=self.is_near[chosen],
+            view_slices=tuple(
+                slice(int(e) - len(part), int(e)) for e, part in zip(ends, kept, strict=True)
+            ),
+            spacing_px=self.spacing_px * step,
+            points=self.points[chosen],
+            normals=self.normals[chosen],
+        )
+
+
+def gather(
+    outline: Outline, registration: Registration, config: SurfaceConfig
+) -> tuple[Evidence, tuple[ProcessWarning, ...]]:
+    """Collect what all used views saw of the outline.
+
+    Raises `EstimationError` where there are too few edge points for any shape.
+    """
+    warnings: list[ProcessWarning] = []
+    known = [v for v in outline.views if 0 <= v.index < len(registration.map_from_base)]
+    views = [v for v in known if registration.used[v.index]]
+    if not views and known:
+        views = known
+        warnings.append(
+            ProcessWarning(
+                "accuracy.unchecked_poses",
+                "surface",
+                "No view's pose passed the registration's check; all were used as they are.",
+            )
+        )
+    views = sorted(views, key=lambda v: v.index)
+    most = max(config.points_total // max(len(views), 1), 50)
+    parts = [_thinned(view, most) for view in views]
+    views = [view for view, part in zip(views, parts, strict=True) if len(part)]
+    parts = [part for part in parts if len(part)]
+    count = sum(len(part) for part in parts)
+    if count < config.minimum_points:
+        raise EstimationError(
+            f"expected at least {config.minimum_points} points on the table's edge, found {count} "
+            f"in {len(views)} of {len(outline.views)} views; record views that show the top's end"
+        )
+    poses = np.array([pose.as_array() for pose in registration.map_from_base])
+    in_base = np.concatenate([v.points[p] for v, p in zip(views, parts, strict=True)])
+    normal = np.concatenate([v.normals[p] for v, p in zip(views, parts, strict=True)])
+    lever = np.concatenate([v.points[p] - v.camera_xy for v, p in zip(views, parts, strict=True)])
+    sigma = np.concatenate([v.sigma[p] for v, p in zip(views, parts, strict=True)])
+    near = np.concatenate([v.is_near[p] for v, p in zip(views, parts, strict=True)])
+    index = np.concatenate(
+        [np.full(len(p), v.index, dtype=np.int64) for v, p in zip(views, parts, strict=True)]
+    )
+    ends = np.cumsum([len(p) for p in parts])
+    slices = tuple(slice(int(e) - len(p), int(e)) for e, p in zip(ends, parts, strict=True))
+    in_map = place(in_base, index, poses)
+    origin = np.median(in_map, axis=0)
+    poses = poses - np.array([origin[0], origin[1], 0.0])
+    top, free = _vote(views, poses, config)
+    normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    evidence = Evidence(
+        origin=origin,
+        in_base=in_base,
+        normal_in_base=normal,
+        lever=lever,
+        sigma=np.maximum(sigma, config.sigma_floor),
+        view=index,
+        is_near=near.astype(bool),
+        poses=poses,
+        prior_root=corrections_root(views, poses, registration, config),
+        views=np.array([v.index for v in views], dtype=np.int64),
+        view_slices=slices,
+        top=top,
+        free=free,
+        cell=config.cell,
+        spacing_px=_spacing(views, parts),
+        points=place(in_base, index, poses),
+        normals=turn(normal, poses[index, 2]),
+        common_mean=np.zeros(6),
+        common_sigma=common_sigma(outline, registration, config),
+        pose_sigma=pose_sigma(registration),
+        skew_sigma=skew_sigma(registration, poses),
+    )
+    return evidence, tuple(warnings)
+
+
+def turn(vectors: Floats, yaw: Floats) -> Floats:
+    """Turn each of (N, 2) vectors by its own angle (N,)."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.stack(
+        [c * vectors[:, 0] - s * vectors[:, 1], s * vectors[:, 0] + c * vectors[:, 1]], axis=1
+    )
+
+
+def place(in_base: Floats, view: Ints, poses: Floats) -> Floats:
+    """Map (N, 2) points of their views' bases by (n, 3) poses."""
+    return turn(in_base, poses[view, 2]) + poses[view, :2]
+
+
+def _thinned(view: ViewEdges, most: int) -> Ints:
+    good = (
+        (view.kind == EdgeKind.TABLE)
+        & np.isfinite(view.points).all(axis=1)
+        & np.isfinite(view.normals).all(axis=1)
+        & np.isfinite(view.sigma)
+        & (view.sigma > 0)
+    )
+    chosen = np.flatnonzero(good)
+    if len(chosen) > most:
+        chosen = chosen[np.linspace(0, len(chosen) - 1, most).round().astype(np.int64)]
+    return chosen
+
+
+def _spacing(views: list[ViewEdges], parts: list[Ints]) -> float:
+    """Typical pixel distance between neighbours: the median of each point's nearest neighbour."""
+    from scipy.spatial import cKDTree
+
+    nearest: list[Floats] = []
+    for view, part in zip(views, parts, strict=True):
+        pixels = view.pixels[part]
+        pixels = pixels[np.isfinite(pixels).all(axis=1)]
+        if len(pixels) > 2:
+            nearest.append(cKDTree(pixels).query(pixels, k=2)[0][:, 1])
+    spacing = float(np.median(np.concatenate(nearest))) if nearest else 0.0
+    return spacing if spacing > 0 else 6.0
+
+
+def _vote(views: list[ViewEdges], poses: Floats, config: SurfaceConfig) -> tuple[Floats, Floats]:
+    """Let each view vote once per cell; return the centres of top cells and of free cells."""
+    keys: dict[str, list[Ints]] = {"top": [], "free": []}
+    for view in views:
+        pose = Pose2.from_array(poses[view.index])
+        for name, points in (("top", view.top), ("free", view.free)):
+            here = pose.apply(points[np.isfinite(points).all(axis=1)])
+            here = here[np.abs(here).max(axis=1, initial=0.0) < _EXTENT]
+            cells = np.floor((here + _EXTENT) / config.cell).astype(np.int64)
+            keys[name].append(np.unique(cells[:, 0] * _STRIDE + cells[:, 1]))
+    none = np.empty(0, dtype=np.int64)
+    top, free = np.concatenate([none, *keys["top"]]), np.concatenate([none, *keys["free"]])
+    cells, inverse = np.unique(np.concatenate([top, free]), return_inverse=True)
+    for_top = np.bincount(inverse[: len(top)], minlength=len(cells))
+    for_free = np.bincount(inverse[len(top) :], minlength=len(cells))
+    place = np.column_stack([cells // _STRIDE, cells % _STRIDE])
+    centres = (place + 0.5) * config.cell - _EXTENT
+    return centres[for_top > for_free], centres[for_free > for_top]
+
+
+# Votes farther than this from the table's middle say nothing about it, metres.
+_EXTENT = 6.0
+_STRIDE = 1 << 20

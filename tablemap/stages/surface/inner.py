@@ -1,0 +1,52 @@
+"""Edges that run inside of the outline: two surfaces of one height may have been taken for one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from tablemap.config import SurfaceConfig
+from tablemap.geometry import Floats
+from tablemap.stages.surface.shapes.shape import signed_distance
+
+_REACH = 0.05  # metres between neighbours of one line
+_WIDEST = 0.025  # metres across a line of edge points, as their spread
+
+
+@dataclass(frozen=True)
+class InnerEdge:
+    """A line of ``points`` edge points inside of the outline, ``length`` metres long."""
+
+    length: float
+    points: int
+
+
+def inner_edges(points: Floats, corners: Floats, config: SurfaceConfig) -> list[InnerEdge]:
+    """Return the lines that table-edge points (n, 2) form inside of an outline (m, 2).
+
+    An edge point says that something lower begins there. What stands on the top hides it, holes in
+    the depth leave it open: neither is an edge. So a row of them well inside, which the robust fit
+    sets aside, is a gap between two surfaces, or a cut-out that no shape on offer has.
+    """
+    inside = points[signed_distance(points, corners) < -config.inner_depth]
+    if len(inside) < config.inner_points:
+        return []
+    pairs = cKDTree(inside).query_pairs(_REACH, output_type="ndarray")
+    joined = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(inside),) * 2)
+    count, label = connected_components(joined, directed=False)
+    found = []
+    for which in range(count):
+        mine = inside[label == which]
+        if len(mine) < config.inner_points:
+            continue
+        centred = mine - mine.mean(axis=0)
+        _, axes = np.linalg.eigh(centred.T @ centred)
+        across, along = (centred @ axes).T
+        length = float(np.ptp(along))
+        if length >= config.inner_length and float(np.std(across)) < _WIDEST:
+            found.append(InnerEdge(length, len(mine)))
+    return sorted(found, key=lambda edge: (-edge.length, -edge.points))

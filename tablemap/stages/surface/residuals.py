@@ -1,0 +1,173 @@
+"""Edge points against a shape under its nuisances, and the normal equations that this gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tablemap.config import SurfaceConfig
+from tablemap.geometry import Floats
+from tablemap.stages.surface.evidence import Evidence
+from tablemap.stages.surface.priors import PER_VIEW
+from tablemap.stages.surface.shapes.shape import Measure, Shape
+
+COMMON = 6  # nuisances that all views share
+_STRAY = 1e6  # the misfit, in sigmas, of a point that belongs to no side
+
+
+@dataclass(frozen=True)
+class Noise:
+    """How edge points scatter: ``near`` and ``far`` multiply the sigma of near and of far edges.
+
+    ``kappa`` neighbouring points count as one.
+    """
+
+    near: float
+    far: float
+    kappa: float
+
+    def sigma(self, evidence: Evidence) -> Floats:
+        """Return the (N,) standard deviations along the normal, metres."""
+        return evidence.sigma * np.where(evidence.is_near, self.near, self.far)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """What is solved for: the shape, and the nuisances as `JointFit` describes them."""
+
+    shape: Shape
+    whitened: Floats
+    common: Floats
+
+    def moved(self, step: Floats) -> State:
+        """Return the state less a step (k + COMMON + m,) in that order."""
+        size = len(self.shape.parameters)
+        return State(
+            self.shape.at(self.shape.parameters - step[:size]),
+            self.whitened - step[size + COMMON :],
+            self.common - step[size : size + COMMON],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """Points (N, 2) and outward normals (N, 2) as a state places them, and how far off they are.
+
+    ``squared`` (N,) are the normalised residuals squared, endings and wrong normals included;
+    ``local`` (N, 2) are the points in their views' bases, ``cosine`` and ``sine`` (N,) of the yaw;
+    ``sigma`` (N,) metres are the points', with the depth scale's ``stretch`` in them.
+    """
+
+    state: State
+    points: Floats
+    normals: Floats
+    local: Floats
+    cosine: Floats
+    sine: Floats
+    measure: Measure
+    facing: Floats
+    stray: NDArray[np.bool_]
+    stretch: Floats
+    sigma: Floats
+    squared: Floats
+
+
+def observe(state: State, evidence: Evidence, config: SurfaceConfig, noise: Noise) -> Residuals:
+    """Place all edge points as a state has it and measure them against its shape."""
+    correction = (evidence.prior_root @ state.whitened).reshape(-1, PER_VIEW)
+    poses = evidence.poses + correction[:, :3]
+    view, common = evidence.view, state.common
+    cosine, sine = np.cos(poses[:, 2])[view], np.sin(poses[:, 2])[view]
+    scale = (common[0] + correction[:, 3])[view]
+    outward = np.where(
+        evidence.is_near, common[1] * evidence.sigma, common[2] * evidence.sigma - common[5]
+    )
+    local = evidence.in_base + scale[:, None] * evidence.lever
+    local -= outward[:, None] * evidence.normal_in_base
+    local += common[3:5]
+    points = _turned(local, cosine, sine) + poses[view, :2]
+    normals = _turned(evidence.normal_in_base, cosine, sine)
+    measure = state.shape.measure(points, normals)
+    facing = np.einsum("ij,ij->i", normals, measure.normal)
+    stray = (facing < config.normal_cosine) | (measure.side < 0)
+    # A depth scale stretches a point's noise too: without that, small scales would always fit best.
+    stretch = 1 + scale
+    sigma = noise.sigma(evidence) * stretch
+    squared = (measure.distance**2 + measure.excess**2) / sigma**2
+    squared = np.where(stray, _STRAY**2, np.minimum(squared, _STRAY**2))
+    return Residuals(
+        state, points, normals, local, cosine, sine, measure, facing, stray, stretch, sigma, squared
+    )
+
+
+def robust(squared: Floats, gate: float) -> Floats:
+    """Geman-McClure's loss of squared normalised residuals; it never exceeds ``gate`` squared."""
+    loss: Floats = squared / (1 + squared / gate**2)
+    return loss
+
+
+def prior_cost(state: State, evidence: Evidence) -> float:
+    """Return what the nuisances strain their priors."""
+    strain = (state.common - evidence.common_mean) / evidence.common_sigma
+    return float(strain @ strain + state.whitened @ state.whitened)
+
+
+def linearise(
+    seen: Residuals, evidence: Evidence, gate: float, noise: Noise
+) -> tuple[Floats, Floats]:
+    """Return the normal equations' matrix and gradient, priors of the nuisances included.
+
+    The order is shape, common, whitened. Views are reduced one by one to their few corrections
+    first, as the whitened nuisances couple them all.
+    """
+    weight = 1 / (1 + seen.squared / gate**2) ** 2 / (seen.sigma**2 * noise.kappa)
+    weight[seen.stray] = 0.0
+    distance, normal = seen.measure.distance, seen.measure.normal
+    # The shape's normal in the view's base: there the nuisances are simple.
+    forward = seen.cosine * normal[:, 0] + seen.sine * normal[:, 1]
+    leftward = seen.cosine * normal[:, 1] - seen.sine * normal[:, 0]
+    by_scale = forward * evidence.lever[:, 0] + leftward * evidence.lever[:, 1]
+    by_scale -= distance / seen.stretch
+    by_turn = leftward * seen.local[:, 0] - forward * seen.local[:, 1]
+    outward = -seen.facing * evidence.sigma
+    near, far = np.where(evidence.is_near, outward, 0.0), np.where(evidence.is_near, 0.0, outward)
+    set_back = np.where(evidence.is_near, 0.0, seen.facing)
+    rows = np.vstack([seen.measure.jacobian.T, by_scale, near, far, forward, leftward, set_back])
+    by_view = np.stack([normal[:, 0], normal[:, 1], by_turn, by_scale])
+
+    size = len(rows)
+    root = evidence.prior_root
+    total = size + root.shape[1]
+    hessian, gradient = np.zeros((total, total)), np.zeros(total)
+    weighted = rows * weight
+    hessian[:size, :size] = weighted @ rows.T
+    gradient[:size] = weighted @ distance
+    heavy = by_view * weight
+    own = np.zeros((len(evidence.poses), PER_VIEW, PER_VIEW))
+    cross = np.zeros((len(evidence.poses), PER_VIEW, size + 1))
+    for index, part in zip(evidence.views, evidence.view_slices, strict=True):
+        own[index] = heavy[:, part] @ by_view[:, part].T
+        cross[index, :, :size] = heavy[:, part] @ rows[:, part].T
+        cross[index, :, size] = heavy[:, part] @ distance[part]
+    coupled = root.T @ cross.reshape(-1, size + 1)
+    hessian[size:, :size], hessian[:size, size:] = coupled[:, :size], coupled[:, :size].T
+    gradient[size:] = coupled[:, size]
+    moved = np.matmul(own, root.reshape(*own.shape[:2], root.shape[1]))
+    hessian[size:, size:] = root.T @ moved.reshape(root.shape)
+
+    at = np.arange(size - COMMON, size)
+    hessian[at, at] += evidence.common_sigma**-2.0
+    gradient[at] += (seen.state.common - evidence.common_mean) / evidence.common_sigma**2
+    at = np.arange(size, total)
+    hessian[at, at] += 1.0
+    gradient[at] += seen.state.whitened
+    return hessian, gradient
+
+
+def _turned(vectors: Floats, cosine: Floats, sine: Floats) -> Floats:
+    result = np.empty_like(vectors)
+    result[:, 0] = cosine * vectors[:, 0] - sine * vectors[:, 1]
+    result[:, 1] = sine * vectors[:, 0] + cosine * vectors[:, 1]
+    return result

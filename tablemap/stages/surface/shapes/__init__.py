@@ -1,0 +1,1 @@
+"""The shapes that a top may have, each with its fit."""

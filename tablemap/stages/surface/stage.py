@@ -1,0 +1,341 @@
+"""From all views' edges to the chosen top with its uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tablemap.config import SurfaceConfig
+from tablemap.errors import EstimationError, ProcessWarning
+from tablemap.geometry import Floats, Pose2
+from tablemap.stages.outline import Outline
+from tablemap.stages.registration import Registration
+from tablemap.stages.surface.candidates import Candidate, fit_candidates, hull_of
+from tablemap.stages.surface.choice import contradicting_cells, weights
+from tablemap.stages.surface.evidence import Evidence, gather
+from tablemap.stages.surface.inner import inner_edges
+from tablemap.stages.surface.joint import JointFit, corrected_poses
+from tablemap.stages.surface.result import Figure, Primitive, Surface, SurfaceEdge
+from tablemap.stages.surface.scale import ScaleBelief, scale_warning, settle_scale
+from tablemap.stages.surface.shapes.shape import Shape, signed_distance
+from tablemap.stages.surface.shapes.straight import Sided
+from tablemap.stages.surface.status import (
+    INFERRED,
+    MEASURED,
+    UNSEEN,
+    Sight,
+    dimension_statuses,
+    sights,
+    statuses,
+)
+
+
+def fit_surface(
+    outline: Outline,
+    registration: Registration,
+    *,
+    config: SurfaceConfig,
+    seed: int,
+) -> Surface:
+    """Fit every primitive to the table edges of all views at once and choose among them.
+
+    Raises `EstimationError` where too little of the top was seen for any outline.
+    """
+    evidence, warnings = gather(outline, registration, config)
+    candidates = fit_candidates(evidence, config, np.random.default_rng(seed))
+    if not candidates:
+        raise EstimationError(
+            f"expected an outline through {len(evidence.points)} points on the table's edge; no "
+            "shape, not even their hull, has an area; record views from more sides of the table"
+        )
+    standing = [c for c in candidates if c.is_hull or c.inlier_fraction >= config.minimum_inliers]
+    fallen = [c for c in candidates if c not in standing]
+    scores = weights([c.cost for c in standing]) if standing else []
+    if not standing:
+        standing, fallen, scores = candidates, [], weights([c.cost for c in candidates])
+    chosen, belief = settle_scale(standing[0], outline, evidence, config)
+    standing[0] = chosen
+    primitives = [
+        _primitive(candidate, score, evidence, config)
+        for candidate, score in zip(standing + fallen, scores + [0.0] * len(fallen), strict=True)
+    ]
+    figures, radius = _figures(chosen, config)
+    edges = _edges(chosen, evidence, config)
+    return Surface(
+        shape=chosen.name,
+        pose=primitives[0].pose,
+        covariance=_pose_covariance(chosen, evidence, registration),
+        height=_height(outline, belief),
+        thickness=(
+            None
+            if outline.thickness is None
+            else Figure(outline.thickness, _finite(outline.thickness_sigma))
+        ),
+        dimensions=figures,
+        corner_radius=radius,
+        outline=primitives[0].outline,
+        edges=edges,
+        score=scores[0],
+        candidates=tuple(primitives),
+        map_from_base={
+            index: Pose2.from_array(pose + np.array([*evidence.origin, 0.0]))
+            for index, pose in enumerate(corrected_poses(chosen.fit, evidence))
+        },
+        points=chosen.fit.points + evidence.origin,
+        residuals=chosen.fit.distance,
+        hull=hull_of(evidence, chosen.fit.points[chosen.fit.misfit < 5]) + evidence.origin,
+        warnings=(
+            *warnings,
+            *scale_warning(belief, outline, config),
+            *_doubts(chosen, primitives, edges, figures, evidence, config),
+        ),
+        beside=outline.beside,
+    )
+
+
+def _height(outline: Outline, belief: ScaleBelief) -> Figure:
+    """Correct the height by the depth scale: the floor ties that to the camera's height."""
+    scale = outline.scale
+    if scale is None:
+        return Figure(outline.height, _finite(outline.height_sigma))
+    learnt = scale.height_by_scale**2 * (scale.sigma**2 - belief.sigma**2)
+    sigma = float(np.sqrt(max(outline.height_sigma**2 - learnt, 0.0)))
+    return Figure(outline.height + scale.height_by_scale * belief.value, _finite(sigma))
+
+
+def _finite(sigma: float | None) -> float | None:
+    return float(sigma) if sigma is not None and np.isfinite(sigma) else None
+
+
+def _primitive(
+    candidate: Candidate,
+    score: float,
+    evidence: Evidence,
+    config: SurfaceConfig,
+) -> Primitive:
+    figures, radius = _figures(candidate, config)
+    return Primitive(
+        shape=candidate.name,
+        pose=_pose(candidate.fit.shape, evidence),
+        dimensions=figures,
+        outline=candidate.fit.shape.outline() + evidence.origin,
+        cost=candidate.cost,
+        score=score,
+        inlier_fraction=candidate.inlier_fraction,
+        residuals=candidate.fit.distance,
+        corner_radius=radius,
+    )
+
+
+def _pose(shape: Shape, evidence: Evidence) -> Pose2:
+    x, y, yaw = shape.describe()[0]
+    period = shape.symmetry
+    yaw = yaw % period if period else 0.0
+    return Pose2(float(x + evidence.origin[0]), float(y + evidence.origin[1]), float(yaw))
+
+
+def _figures(
+    candidate: Candidate, config: SurfaceConfig
+) -> tuple[dict[str, Figure], Figure | None]:
+    if candidate.is_hull:
+        return {}, None
+    fit = candidate.fit
+    _, values = fit.shape.describe()
+    if not values:
+        return {}, None
+    seen = sights(fit)
+    status = dimension_statuses(fit.shape, seen, statuses(fit.shape, seen, config))
+    jacobian = _derivative(fit.shape)[3:]
+    variance = np.einsum("ij,jk,ik->i", jacobian, candidate.spread.covariance, jacobian)
+    unbounded = _unbounded(fit)
+    systematic = config.dimension_systematic
+    figures = {}
+    for index, (name, value) in enumerate(values.items()):
+        extra = systematic
+        if name == "angle":
+            extra = systematic / min(values["length"], values["width"])
+        sigma = float(np.hypot(np.sqrt(max(variance[index], 0.0)), extra))
+        # Where nothing bounds a side from outside, no covariance stands behind its figure.
+        is_open = status[name] == UNSEEN and (unbounded or sigma > value)
+        figures[name] = Figure(value, None if is_open else sigma, status[name])
+    radius = figures.pop("corner_radius", None)
+    return figures, radius
+
+
+def _unbounded(fit: JointFit) -> bool:
+    return any(not anchor.is_bounded for anchor in fit.anchors)
+
+
+def _derivative(shape: Shape) -> Floats:
+    """Differentiate the pose and the dimensions (3 + d, k) by the parameters, numerically."""
+
+    def described(parameters: Floats) -> Floats:
+        pose, values = shape.at(parameters).describe()
+        return np.concatenate([pose, np.array(list(values.values()))])
+
+    here = described(shape.parameters)
+    result = np.empty((len(here), len(shape.parameters)))
+    for index in range(len(shape.parameters)):
+        step = np.zeros(len(shape.parameters))
+        step[index] = 1e-6
+        change = described(shape.parameters + step) - described(shape.parameters - step)
+        # An axis may come out reversed: its direction is what is meant.
+        change[2] = (change[2] + np.pi / 2) % np.pi - np.pi / 2
+        result[:, index] = change / 2e-6
+    return result
+
+
+def _pose_covariance(
+    candidate: Candidate, evidence: Evidence, registration: Registration
+) -> Floats:
+    """Add how well the top is placed among the stops to how well these are placed in the map."""
+    fit = candidate.fit
+    jacobian = _derivative(fit.shape)[:3]
+    relative = jacobian @ candidate.spread.covariance @ jacobian.T
+    centre = fit.shape.describe()[0][:2]
+    lever = centre - evidence.poses[:, :2].mean(axis=0)
+    carry = np.eye(3)
+    carry[:2, 2] = [-lever[1], lever[0]]
+    covariance = relative + carry @ registration.placement_covariance @ carry.T
+    result: Floats = (covariance + covariance.T) / 2
+    return result
+
+
+def _edges(
+    candidate: Candidate, evidence: Evidence, config: SurfaceConfig
+) -> tuple[SurfaceEdge, ...]:
+    fit = candidate.fit
+    seen: tuple[Sight, ...] = sights(fit)
+    status = statuses(fit.shape, seen, config)
+    unbounded = {anchor.side for anchor in fit.anchors if not anchor.is_bounded}
+    systematic = config.dimension_systematic
+    edges = []
+    for index, piece in enumerate(fit.shape.pieces()):
+        middle = piece[len(piece) // 2] if len(piece) > 2 else piece.mean(axis=0)
+        along = piece[-1] - piece[0]
+        outward = np.array([along[1], -along[0]]) / max(float(np.linalg.norm(along)), 1e-9)
+        row = fit.shape.measure(middle[None], outward[None]).jacobian[0]
+        sigma: float | None = float(
+            np.sqrt(max(row @ candidate.spread.covariance @ row, 0) + systematic**2)
+        )
+        if candidate.is_hull or index in unbounded:
+            sigma = None
+        edges.append(
+            SurfaceEdge(piece + evidence.origin, status[index], sigma, seen[index].fraction)
+        )
+    return tuple(edges)
+
+
+def _doubts(
+    chosen: Candidate,
+    primitives: list[Primitive],
+    edges: tuple[SurfaceEdge, ...],
+    figures: dict[str, Figure],
+    evidence: Evidence,
+    config: SurfaceConfig,
+) -> list[ProcessWarning]:
+    found: list[tuple[str, str]] = []
+    if chosen.is_hull:
+        found.append(
+            (
+                "accuracy.no_primitive",
+                "No primitive fits the edge of the top; its outline is the hull of what was seen.",
+            )
+        )
+    best = primitives[0]
+    for other in primitives[1:]:
+        differs = np.abs(signed_distance(other.outline, best.outline)).max()
+        if other.score > config.ambiguous_score and other.shape != best.shape and differs > 0.003:
+            found.append(
+                (
+                    "accuracy.shape_ambiguous",
+                    f"The top is called a {best.shape} (weight {best.score:.2f}), and a "
+                    f"{other.shape} (weight {other.score:.2f}) explains its edge nearly as well.",
+                )
+            )
+    found += _partly_seen(chosen, edges, figures, config)
+    if len(evidence.views) < 3:
+        found.append(
+            ("accuracy.few_views", f"Only {len(evidence.views)} views saw the edge of the top.")
+        )
+    scatter = max(chosen.fit.noise.near, chosen.fit.noise.far)
+    if scatter > 3:
+        found.append(
+            (
+                "accuracy.poor_fit",
+                f"Edge points scatter {scatter:.1f} times as far about the outline "
+                "as their sigmas say.",
+            )
+        )
+    cells = contradicting_cells(chosen.fit.shape.outline(), evidence, config)
+    if cells * evidence.cell**2 > 0.02:
+        found.append(
+            (
+                "accuracy.votes_contradict",
+                f"{cells * evidence.cell**2:.3f} square metres were seen as top beyond the "
+                "outline, or seen through within it.",
+            )
+        )
+    for edge in inner_edges(chosen.fit.points, chosen.fit.shape.outline(), config)[:1]:
+        found.append(
+            (
+                "accuracy.inner_edge",
+                f"{edge.points} edge points run for {edge.length:.2f} m inside of the outline: "
+                "another surface of this height may touch the table.",
+            )
+        )
+    return [ProcessWarning(code, "surface", message) for code, message in found]
+
+
+def _partly_seen(
+    chosen: Candidate,
+    edges: tuple[SurfaceEdge, ...],
+    figures: dict[str, Figure],
+    config: SurfaceConfig,
+) -> list[tuple[str, str]]:
+    """Say what was not seen, or in part; a doubt only where that leaves the figures open."""
+    if not isinstance(chosen.fit.shape, Sided) or chosen.is_hull:
+        if all(figure.status == MEASURED for figure in figures.values()):
+            return []
+        sigmas = [figure.sigma for figure in figures.values()]
+        share = float(np.mean([edge.seen_fraction for edge in edges]))
+        message = f"Only {100 * share:.0f} % of the top's edge was seen."
+        return [(_partly_code(sigmas, config), message)]
+    found = []
+    unseen = [k for k, edge in enumerate(edges) if edge.status == UNSEEN]
+    if unseen:
+        found.append(
+            (
+                "accuracy.unseen_side",
+                _sides_of(edges, unseen) + " was not seen and is only bounded.",
+            )
+        )
+    partly = [k for k, edge in enumerate(edges) if edge.status == INFERRED]
+    if partly:
+        sigmas = [_end_sigma(chosen, k) for k in partly]
+        message = _sides_of(edges, partly) + " was seen only in part."
+        found.append((_partly_code(sigmas, config), message))
+    return found
+
+
+def _partly_code(sigmas: Sequence[float | None], config: SurfaceConfig) -> str:
+    held = all(sigma is not None and sigma < config.held_sigma for sigma in sigmas)
+    return "surface.inferred_side" if held else "accuracy.inferred_side"
+
+
+def _end_sigma(chosen: Candidate, side: int) -> float:
+    """Return how uncertain the worse known end of a straight side is across it, metres."""
+    shape, covariance = chosen.fit.shape, chosen.spread.covariance
+    piece = shape.pieces()[side]
+    along = piece[1] - piece[0]
+    outward = np.array([along[1], -along[0]]) / max(float(np.linalg.norm(along)), 1e-9)
+    rows = shape.measure(piece, np.tile(outward, (2, 1))).jacobian
+    return float(np.sqrt(np.einsum("ij,jk,ik->i", rows, covariance, rows).max()))
+
+
+def _sides_of(edges: tuple[SurfaceEdge, ...], chosen: list[int]) -> str:
+    named = ", ".join(
+        f"{np.linalg.norm(edges[k].points[1] - edges[k].points[0]):.2f} m" for k in chosen
+    )
+    return f"{len(chosen)} of {len(edges)} sides ({named})"

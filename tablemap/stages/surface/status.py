@@ -1,0 +1,169 @@
+"""What was measured of an outline, what is inferred and what was not seen; and how well."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from tablemap.config import SurfaceConfig
+from tablemap.geometry import Floats
+from tablemap.stages.surface.evidence import Evidence
+from tablemap.stages.surface.joint import Anchor, JointFit
+from tablemap.stages.surface.shapes.curved import Circle, Ellipse, RoundedRectangle
+from tablemap.stages.surface.shapes.shape import Shape
+from tablemap.stages.surface.shapes.straight import Parallelogram, Rectangle, Sided, Square
+
+MEASURED, INFERRED, UNSEEN = "measured", "inferred", "unseen"
+_STEP = 0.01  # metres between the samples of a side that are seen or not
+_REACH = 0.015  # metres from a sample to an edge point that shows it
+_BOTH_ENDS = 2 / 3  # seen over less of its length, a side was seen at one end
+
+
+@dataclass(frozen=True)
+class Sight:
+    """How much of a side was seen: the fraction, and the spread from its first to its last part."""
+
+    fraction: float
+    spread: float
+
+
+def sights(fit: JointFit) -> tuple[Sight, ...]:
+    """Say of each side how much of it edge points of any view show."""
+    result = []
+    shown = (fit.side >= 0) & (np.abs(fit.distance) < 0.02) & (fit.misfit < 5)
+    for index, piece in enumerate(fit.shape.pieces()):
+        mine = fit.points[shown & (fit.side == index)]
+        if not len(mine):
+            result.append(Sight(0.0, 0.0))
+            continue
+        samples = _sampled(piece)
+        near = cKDTree(mine).query(samples, distance_upper_bound=_REACH)[0] < _REACH
+        seen = np.flatnonzero(near)
+        spread = (seen[-1] - seen[0] + 1) / len(samples) if len(seen) else 0.0
+        result.append(Sight(float(near.mean()), float(spread)))
+    return tuple(result)
+
+
+def _sampled(piece: Floats) -> Floats:
+    step = np.linalg.norm(np.diff(piece, axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(step)])
+    count = max(int(along[-1] / _STEP), 3)
+    at = (np.arange(count) + 0.5) * (along[-1] / count)
+    return np.stack([np.interp(at, along, piece[:, 0]), np.interp(at, along, piece[:, 1])], axis=1)
+
+
+def statuses(shape: Shape, seen: tuple[Sight, ...], config: SurfaceConfig) -> tuple[str, ...]:
+    """Say of each side whether it was measured, is inferred or unseen."""
+    own = []
+    for sight in seen:
+        if sight.fraction >= config.measured_fraction and sight.spread >= _BOTH_ENDS:
+            own.append(MEASURED)
+        elif sight.fraction >= config.inferred_fraction:
+            own.append(INFERRED)
+        else:
+            own.append(UNSEEN)
+    if isinstance(shape, Circle | Ellipse):
+        # An arc that was not seen follows from the others.
+        return tuple(INFERRED if status == UNSEEN else status for status in own)
+    if isinstance(shape, RoundedRectangle):
+        corners = [INFERRED if status == UNSEEN else status for status in own[1::2]]
+        return tuple(corners[i // 2] if i % 2 else status for i, status in enumerate(own))
+    if isinstance(shape, Square) and _worst(own[0], own[2]) != _worst(own[1], own[3]):
+        # One pair of sides says what the other, equal to it, did not show.
+        return tuple(INFERRED if status == UNSEEN else status for status in own)
+    return tuple(own)
+
+
+def dimension_statuses(
+    shape: Shape, seen: tuple[Sight, ...], status: tuple[str, ...]
+) -> dict[str, str]:
+    """Say of each dimension what its sides allow: measured needs both opposite ones."""
+    if isinstance(shape, Circle | Ellipse):
+        total = float(np.mean([sight.fraction for sight in seen]))
+        gap = _longest_gap([sight.fraction > 0.2 for sight in seen])
+        most = 4 if isinstance(shape, Circle) else 3
+        result = MEASURED if total >= 0.4 and gap <= most else INFERRED
+        return dict.fromkeys(shape.describe()[1], result)
+    if isinstance(shape, RoundedRectangle):
+        bends = [sight.fraction >= 0.3 for sight in seen[1::2]]
+        return {
+            "length": _worst(status[0], status[4]),
+            "width": _worst(status[2], status[6]),
+            "corner_radius": MEASURED if sum(bends) >= 2 else INFERRED,
+        }
+    if isinstance(shape, Square):
+        pairs = {_worst(status[0], status[2]), _worst(status[1], status[3])}
+        return {"side": MEASURED if MEASURED in pairs else _worst(*pairs, INFERRED)}
+    if isinstance(shape, Rectangle | Parallelogram):
+        result_by_name = {
+            "length": _worst(status[0], status[2]),
+            "width": _worst(status[1], status[3]),
+        }
+        if isinstance(shape, Parallelogram):
+            has = [MEASURED in (status[k], status[k + 2]) for k in (0, 1)]
+            result_by_name["angle"] = MEASURED if all(has) else INFERRED
+        return result_by_name
+    return {}
+
+
+def hold_unseen(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> tuple[Anchor, ...]:
+    """Anchor each straight side that no edge point holds between the last top and the first free.
+
+    Without one the fit drifts by decimetres.
+    """
+    shape = fit.shape
+    if not isinstance(shape, Sided):
+        return ()
+    anchors = []
+    for index, (sight, piece) in enumerate(zip(sights(fit), shape.pieces(), strict=True)):
+        length = float(np.linalg.norm(piece[1] - piece[0]))
+        if sight.fraction >= config.inferred_fraction and sight.fraction * length >= 0.03:
+            continue
+        along = (piece[1] - piece[0]) / max(length, 1e-9)
+        outward = np.array([along[1], -along[0]])
+        top = _within(evidence.top, piece, along, 0.0)
+        free = _within(evidence.free, piece, along, 0.1)
+        here = float(piece[0] @ outward)
+        edge = _within(fit.points[fit.side >= 0], piece, along, -0.05)
+        reach = np.concatenate([top, edge]) @ outward
+        close = np.abs(reach - here) < 0.3
+        if len(shape.pieces()) > 4 and close.any():
+            # Of a polygon with arms only the top about this side counts.
+            reach = reach[close]
+        last = float(np.percentile(reach, 99)) + evidence.cell / 2 if len(reach) else here
+        depth = free @ outward
+        depth = depth[(depth > last - evidence.cell) & (depth < last + 0.6)]
+        middle = piece.mean(axis=0)
+        foot = middle + outward * (last - here)
+        if len(depth) >= 3:
+            first = max(float(np.percentile(depth, 5)), last)
+            between = max(first - last, evidence.cell)
+            anchors.append(Anchor(index, foot + outward * (first - last) / 2, between / 12**0.5))
+        else:
+            anchors.append(Anchor(index, foot, 0.1, is_bounded=False))
+    return tuple(anchors)
+
+
+def _within(points: Floats, piece: Floats, along: Floats, margin: float) -> Floats:
+    low, high = float(piece[0] @ along), float(piece[1] @ along)
+    inset = margin * (high - low)
+    at = points @ along
+    return points[(at > low + inset) & (at < high - inset)]
+
+
+def _worst(*status: str) -> str:
+    order = (UNSEEN, INFERRED, MEASURED)
+    return min(status, key=order.index)
+
+
+def _longest_gap(seen: list[bool]) -> int:
+    """Return the longest run of unseen neighbours on a ring."""
+    if not any(seen):
+        return len(seen)
+    longest = run = 0
+    for value in seen + seen:
+        run = 0 if value else run + 1
+        longest = max(longest, run)
+    return min(longest, len(seen))

@@ -1,0 +1,336 @@
+"""The command line: one sentence for what is wrong, and the contract's exit codes."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tablemap.model import TableModel
+from tests.making.command import TABLEMAP, tablemap
+
+README = Path(__file__).resolve().parents[2] / "README.md"
+COMMANDS = ["process", "info", "export", "view", "simulate", "evaluate", "config", "runs"]
+RUNS = ["list", "show", "compare", "verify", "reprocess", "prune", "pack", "unpack", "serve"]
+
+
+def test_help_names_every_command() -> None:
+    """And this file knows them all."""
+    for group, known in ((), COMMANDS), (("runs",), RUNS):
+        text = tablemap(*group, "--help").stdout
+        listed = re.findall(r"^  ([a-z]+)  ", text.split("Commands:")[1], flags=re.M)
+        assert sorted(listed) == sorted(known)
+
+
+@pytest.mark.parametrize("command", [*COMMANDS, *(f"runs {name}" for name in RUNS)])
+def test_the_readme_has_every_command_and_option(command: str) -> None:
+    """What is not documented is not there."""
+    readme = README.read_text(encoding="utf-8")
+    assert f"`{command}" in readme or f"tablemap {command}" in readme
+    options = set(re.findall(r"(?<![\w-])(--[a-z-]+)", tablemap(*command.split(), "--help").stdout))
+    assert options
+    assert not {option for option in options if option not in readme}
+
+
+def test_version() -> None:
+    """As the package says."""
+    from tablemap import __version__
+
+    assert tablemap("--version").stdout == f"tablemap {__version__}\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"this is a text file\n" * 10, "MCAP"),
+        (b"", "empty"),
+    ],
+)
+def test_a_file_that_is_no_recording_is_one_sentence(
+    content: bytes, words: str, tmp_path: Path
+) -> None:
+    """By ``process`` and by ``info``."""
+    file = tmp_path / "lap.mcap"
+    file.write_bytes(content)
+    for arguments in (["process", file, "-o", tmp_path / "runs", "-q"], ["info", file]):
+        done = tablemap(*arguments)
+        assert done.returncode == 1, done.stderr
+        assert done.stdout == ""
+        assert words in done.stderr
+        assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_a_recording_without_messages_cannot_be_processed(tmp_path: Path) -> None:
+    """What is missing is named; ``info`` says the same and shows the rest."""
+    file = tmp_path / "lap.mcap"
+    file.write_bytes(b"\x89MCAP0\r\n")
+    done = tablemap("process", file, "-o", tmp_path / "runs", "-q")
+    assert done.returncode == 1
+    assert "depth" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    shown = tablemap("info", file)
+    assert shown.returncode == 0
+    assert "missing: " in shown.stdout
+
+
+@pytest.mark.parametrize("command", ["process", "info"])
+@pytest.mark.parametrize("name", ["missing.mcap", "."])
+def test_a_missing_path_or_a_directory_is_one_sentence(
+    command: str, name: str, tmp_path: Path
+) -> None:
+    """Exit 1, and nothing is made."""
+    done = tablemap(command, tmp_path / name, cwd=tmp_path)
+    assert done.returncode == 1
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failed_recording_has_its_json_line(tmp_path: Path) -> None:
+    """With null for what there is not."""
+    done = tablemap("process", tmp_path / "none.mcap", "--json", cwd=tmp_path)
+    line = json.loads(done.stdout)
+    assert (line["run"], line["model"], line["status"]) == (None, None, "failed")
+    assert "none.mcap" in line["error"]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["process"],
+        ["process", "a.mcap", "--set", "surface.nonsense=1"],
+        ["process", "a.mcap", "--near", "1"],
+        ["process", "a.mcap", "--near", "1", "2", "--all"],
+        ["process", "a.mcap", "--method", "guess"],
+        ["simulate", "demo"],
+        ["nonsense"],
+    ],
+)
+def test_wrong_usage_exits_with_2(arguments: list[str], tmp_path: Path) -> None:
+    """Before anything is made."""
+    done = tablemap(*arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_unknown_scenario_is_one_sentence(tmp_path: Path) -> None:
+    """With the nearest name."""
+    done = tablemap("simulate", "rectangl", "-o", tmp_path / "a.mcap")
+    assert done.returncode == 2
+    assert "rectangle" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are POSIX's")
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_an_interrupted_run_says_so(
+    number: signal.Signals, code: int, demo_recording: Path, tmp_path: Path
+) -> None:
+    """The folder keeps its review, has no model, and is marked."""
+    running = subprocess.Popen(
+        [*TABLEMAP, "process", str(demo_recording), "-o", str(tmp_path)],
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    deadline = time.monotonic() + 120
+    while not list(tmp_path.glob("demo/*/run.rrd")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    time.sleep(0.5)
+    running.send_signal(number)
+    _, errors = running.communicate(timeout=120)
+    assert running.returncode == code, errors
+    assert "Traceback" not in errors
+    (folder,) = (path for path in (tmp_path / "demo").iterdir() if path.name != "latest")
+    assert json.loads((folder / "manifest.json").read_text())["status"] == "interrupted"
+    assert (folder / "run.rrd").stat().st_size > 0
+    assert "interrupted during" in (folder / "report.html").read_text(encoding="utf-8")
+    assert not (folder / "table.json").exists()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="limits are POSIX's")
+def test_a_disk_that_takes_no_more_fails_the_run_and_ends_it(
+    demo_recording: Path, tmp_path: Path
+) -> None:
+    """Files may grow to 200 kB: the review cannot be written, and nothing waits for it."""
+    code = (
+        "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000)); "
+        "import tablemap.review.stream as stream; stream.FLUSH_SECONDS = 3; "
+        "from tablemap.cli import main; main()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, "process", demo_recording, "-o", tmp_path, "--json", "-q"],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    line = json.loads(done.stdout)
+    assert (done.returncode, line["status"], line["model"]) == (1, "failed", None)
+    assert "is the disk full?" in line["error"]
+    manifest = json.loads((Path(line["run"]) / "manifest.json").read_text())
+    assert (manifest["status"], manifest["error"]) == ("failed", line["error"])
+
+
+WRONG = {
+    "process text.mcap -q": (1, "tablemap: Expected an MCAP file and found text: text.mcap"),
+    "process text.mcap -o text.mcap": (1, None),
+    "process text.mcap --config none.toml": (
+        2,
+        "tablemap: the config cannot be read (No such file or directory): none.toml",
+    ),
+    "process text.mcap --config bad.toml": (
+        2,
+        "tablemap: the config is no TOML (Invalid value (at end of document)): bad.toml",
+    ),
+    "process text.mcap --set seed": (
+        2,
+        "tablemap: expected --set section.key=value, found 'seed'.",
+    ),
+    "process text.mcap --set surfac.x=1": (
+        2,
+        "tablemap: there is no setting 'surfac'; the nearest is 'surface'.",
+    ),
+    "process text.mcap --export pdf": (
+        2,
+        "tablemap: expected a format of sdf, gazebo, urdf, moveit, nav2, glb, obj, ply, geojson, "
+        "svg; found 'pdf'.",
+    ),
+    "process @none.txt": (2, None),
+    "process none.mcap": (1, "tablemap: there is no such file: none.mcap"),
+    "process .": (1, "tablemap: expected an MCAP file, found a directory: ."),
+    "info .": (1, None),
+    "export none --to svg": (1, None),
+    "export text.mcap --to svg": (1, None),
+    "view none": (1, "tablemap: expected a run folder or an .rrd, found neither: none"),
+    "runs list none": (1, None),
+    "runs list text.mcap": (1, None),
+    "runs show dangling": (
+        1,
+        "tablemap: the run that it names is gone; give another of its runs: dangling/latest",
+    ),
+    "runs compare none none": (1, None),
+    "runs verify none": (1, None),
+    "runs reprocess none": (1, None),
+    "runs prune runs": (
+        2,
+        "tablemap: say which runs may go: by age, by status, or all but the newest.",
+    ),
+    "runs pack none": (1, None),
+    "runs unpack text.mcap": (1, None),
+    "runs serve none": (1, None),
+    "runs list runs --where height~3": (
+        2,
+        "tablemap: expected a condition such as height<0.7, found 'height~3'.",
+    ),
+    "runs list runs --since yesterday": (
+        2,
+        "tablemap: expected a date such as 2026-05-31, or 2026-05-31T14:00; found 'yesterday'.",
+    ),
+    "evaluate text.mcap": (1, None),
+    "evaluate --suite nonsense": (2, None),
+    "simulate nonsense -o x.mcap": (2, None),
+    "simulate demo -o text.mcap/x.mcap": (1, None),
+    "config --set a.b=1": (2, "tablemap: there is no setting 'a'; the nearest is 'surface'."),
+}
+"""What is wrong: the exit code and the whole of stderr (None: one line that begins so)."""
+
+
+def test_every_error_is_one_sentence(tmp_path: Path) -> None:
+    """Nothing on stdout, one line on stderr, no traceback and no defect."""
+    (tmp_path / "text.mcap").write_text("this is text\n")
+    (tmp_path / "bad.toml").write_text("a = [\n")
+    (tmp_path / "runs").mkdir()
+    (tmp_path / "dangling").mkdir()
+    (tmp_path / "dangling" / "latest").symlink_to("gone")
+    code = (
+        "import json, subprocess, sys\n"
+        "from tablemap.cli import main\n"
+        "import contextlib, io, os\n"
+        "for command in json.load(sys.stdin):\n"
+        "    sys.argv = ['tablemap', *command.split()]\n"
+        "    out, err = io.StringIO(), io.StringIO()\n"
+        "    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):\n"
+        "        try:\n"
+        "            main()\n"
+        "        except SystemExit as end:\n"
+        "            code = end.code\n"
+        "    print(json.dumps([code, out.getvalue(), err.getvalue()]))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        input=json.dumps(list(WRONG)),
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=tmp_path,
+        timeout=300,
+    )
+    said = dict(zip(WRONG, map(json.loads, done.stdout.splitlines()), strict=True))
+    for command, (expected_code, sentence) in WRONG.items():
+        found_code, out, err = said[command]
+        assert (found_code, out) == (expected_code, ""), (command, err)
+        assert err.startswith("tablemap: "), (command, err)
+        assert err.count("\n") == 1, (command, err)
+        assert "defect" not in err, (command, err)
+        assert sentence is None or err == sentence + "\n", command
+
+
+def test_piped_output_has_no_colour(finished: tuple[Path, object], tmp_path: Path) -> None:
+    """Nor what fills a terminal's line; the listing is compared whole."""
+    run = finished[0]
+    for arguments in (
+        ["runs", "list", run.parent.parent],
+        ["runs", "show", run],
+        ["process", "none.mcap"],
+    ):
+        done = tablemap(*arguments, cwd=tmp_path, colours=True)
+        assert "\x1b" not in done.stdout + done.stderr
+    listed = tablemap("runs", "list", run.parent.parent).stdout
+    began = json.loads((run / "manifest.json").read_text())["started"].replace("T", " ")[:19]
+    top = TableModel.load(run).surface
+    size = " x ".join(f"{top.dimensions[name].value:.3f}" for name in ("length", "width"))
+    height = f"{top.height.value:.3f}"
+    assert listed == (
+        "started              status  verdict  shape      size           height  run\n"
+        f"{began}  ok      good     rectangle  {size}  {height}   demo/{run.name}\n"
+    )
+
+
+def test_completion_names_the_commands() -> None:
+    """As a shell asks for it."""
+    code = "import sys; sys.argv = ['tablemap']; from tablemap.cli import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+        env={
+            **os.environ,
+            "_TABLEMAP_COMPLETE": "complete_bash",
+            "COMP_WORDS": "tablemap runs ",
+            "COMP_CWORD": "2",
+        },
+    )
+    assert set(done.stdout.split()) >= set(RUNS)
+
+
+@pytest.mark.parametrize("command", ["--help", "runs --help", "process --help"])
+def test_help_loads_nothing_heavy(command: str) -> None:
+    """It is there at once."""
+    heavy = {"numpy", "rerun", "open3d", "scipy", "shapely", "mcap", "distributed"}
+    code = (
+        f"import sys; sys.argv = ['tablemap', *{command.split()!r}]\n"
+        "from tablemap.cli import app\n"
+        "app(standalone_mode=False)\n"
+        f"print(sorted(set(sys.modules) & {heavy!r}))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"

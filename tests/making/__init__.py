@@ -1,0 +1,1 @@
+"""What tests make: tables, rooms, recordings, runs."""

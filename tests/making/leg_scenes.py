@@ -1,0 +1,300 @@
+"""A room in the plane, cut by a laser with a finite beam, and boxes seen by a depth camera."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from tablemap.geometry import Floats, Pose2, invert
+from tablemap.recording import FrameNames, Recording
+from tablemap.recording.messages import Image, LaserScan
+from tablemap.stages.odometry import Trajectory
+from tablemap.stages.registration import Registration
+from tablemap.stages.snapshots import Camera, Snapshot
+from tablemap.stages.surface import Figure, Surface
+
+BASE_FROM_LASER = np.eye(4)
+BASE_FROM_LASER[:3, 3] = (0.1675, 0.0, 0.1844)
+SECOND = 1_000_000_000
+BEAMS, FIELD = 721, 2.1
+
+
+@dataclass
+class Scene:
+    """Circles (x, y, radius) and boxes (x, y, length, width, yaw[, low, high]) in the map."""
+
+    circles: list[tuple[float, float, float]] = field(default_factory=list)
+    boxes: list[tuple[float, ...]] = field(default_factory=list)
+    walls: list[tuple[float, float, float, float]] = field(default_factory=list)
+    table: Pose2 = field(default_factory=Pose2)
+    length: float = 1.2
+    width: float = 0.8
+    height: float = 0.75
+    shape: str = "rectangle"
+
+    def edges(self) -> Floats:
+        """Return (n, 4) line segments of all boxes that the laser cuts, and of the walls."""
+        lines = [np.array(self.walls).reshape(-1, 4)]
+        for box in self.boxes:
+            if len(box) > 5 and not box[5] < 0.1844 < box[6]:
+                continue
+            x, y, length, width, yaw = box[:5]
+            corners = Pose2(x, y, yaw).apply(
+                0.5
+                * np.array([[length, width], [-length, width], [-length, -width], [length, -width]])
+            )
+            lines.append(np.hstack([corners, np.roll(corners, -1, axis=0)]))
+        return np.concatenate(lines)
+
+    def cast(self, origin: Floats, angles: Floats) -> Floats:
+        """Return (n,) ranges, inf where nothing is met."""
+        d = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        best = np.full(len(angles), np.inf)
+        for x, y, radius in self.circles:
+            offset = np.array([x, y]) - origin
+            along = d @ offset
+            square = radius**2 - (offset @ offset - along**2)
+            t = along - np.sqrt(np.maximum(square, 0.0))
+            best = np.where((square > 0) & (t > 0), np.minimum(best, t), best)
+        for x0, y0, x1, y1 in self.edges():
+            start, edge = np.array([x0, y0]) - origin, np.array([x1 - x0, y1 - y0])
+            cross = d[:, 0] * edge[1] - d[:, 1] * edge[0]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                t = (start[0] * edge[1] - start[1] * edge[0]) / cross
+                s = (start[0] * d[:, 1] - start[1] * d[:, 0]) / cross
+            best = np.where((t > 0) & (s >= 0) & (s <= 1), np.minimum(best, t), best)
+        return best
+
+    def scan(
+        self,
+        map_from_base: Pose2,
+        stamp_ns: int,
+        rng: np.random.Generator,
+        *,
+        half_width: float = 0.001,
+        bias: float = 0.0,
+        noise: float = 0.01,
+    ) -> LaserScan:
+        """Cast a scan whose spot reports the nearest thing that it touches."""
+        origin = map_from_base.apply(BASE_FROM_LASER[:2, 3])
+        angles = np.linspace(-FIELD, FIELD, BEAMS) + map_from_base.yaw
+        parts = [self.cast(origin, angles + half_width * f) for f in (-1.0, -0.5, 0.0, 0.5, 1.0)]
+        ranges = np.min(parts, axis=0) + bias + rng.normal(0.0, noise, BEAMS)
+        ranges[~np.isfinite(ranges) | (ranges > 60)] = np.inf
+        return LaserScan(
+            stamp_ns,
+            "laser",
+            -FIELD,
+            FIELD,
+            2 * FIELD / (BEAMS - 1),
+            0.0,
+            1 / 30,
+            0.05,
+            60.0,
+            ranges.astype(np.float32),
+        )
+
+    def outline(self) -> Floats:
+        """Return the top's outline (n, 2) in the map."""
+        if self.shape == "circle":
+            angles = np.linspace(0, 2 * np.pi, 72, endpoint=False)
+            local = 0.5 * self.length * np.column_stack([np.cos(angles), np.sin(angles)])
+        else:
+            local = 0.5 * np.array(
+                [
+                    [self.length, self.width],
+                    [-self.length, self.width],
+                    [-self.length, -self.width],
+                    [self.length, -self.width],
+                ]
+            )
+        return self.table.apply(local)
+
+    def depth(self, map_from_camera: Floats, camera: Camera) -> Floats:
+        """Return the (height, width) depth of floor, top and boxes."""
+        rays = camera.rays.reshape(-1, 3).astype(np.float64) @ map_from_camera[:3, :3].T
+        eye = map_from_camera[:3, 3]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            best = np.where(rays[:, 2] < -1e-6, -eye[2] / rays[:, 2], np.inf)
+            top = (self.table.x, self.table.y, self.length, self.width, self.table.yaw)
+            solids = [(*top, self.height - 0.02, self.height)]
+            solids += [box if len(box) > 5 else (*box, 0.0, self.height) for box in self.boxes]
+            solids += [(x, y, 1.8 * r, 1.8 * r, 0.0, 0.0, self.height) for x, y, r in self.circles]
+            for x, y, length, width, yaw, low, high in solids:
+                frame = Pose2(x, y, yaw).inverse()
+                direction = np.column_stack([rays[:, :2] @ frame.rotation.T, rays[:, 2]])
+                start = np.array([*frame.apply(eye[:2]), eye[2]])
+                lower = (np.array([-length / 2, -width / 2, low]) - start) / direction
+                upper = (np.array([length / 2, width / 2, high]) - start) / direction
+                enter = np.minimum(lower, upper).max(axis=1)
+                leave = np.maximum(lower, upper).min(axis=1)
+                best = np.where((enter < leave) & (enter > 0), np.minimum(best, enter), best)
+        depth = best.reshape(camera.height, camera.width)
+        return np.where(depth < 5.0, depth, np.nan)
+
+
+class FakeRecording(Recording):
+    """A recording that holds its scans in memory."""
+
+    def __init__(self, scans: list[LaserScan], *, laser: bool = True) -> None:
+        self.path = Path("fake.mcap")
+        self.names = FrameNames("map", "odom", "base", "camera", "laser" if laser else None)
+        self.warnings = []
+        self.all = scans
+        self.start_ns, self.end_ns = 0, 0
+
+    def scans(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[LaserScan]:
+        """Yield what was given."""
+        yield from self.all
+
+    def base_from_laser(self, stamp_ns: int) -> Floats:
+        """Return the HSR's mount."""
+        return BASE_FROM_LASER
+
+
+def four(scene: Scene, inset: float = 0.06) -> Floats:
+    """Return (4, 2) places in the map, inset from the corners of the top."""
+    u, v = 0.5 * scene.length - inset, 0.5 * scene.width - inset
+    return scene.table.apply(np.array([[u, v], [-u, v], [-u, -v], [u, -v]]))
+
+
+def surface_of(scene: Scene, map_from_base: dict[int, Pose2]) -> Surface:
+    """Return the top as a fit of it would be handed on."""
+    outline = scene.outline()
+    return Surface(
+        shape=scene.shape,
+        pose=scene.table,
+        covariance=np.eye(3) * 1e-6,
+        height=Figure(scene.height, 0.001),
+        thickness=None,
+        dimensions={},
+        corner_radius=None,
+        outline=outline,
+        edges=(),
+        score=1.0,
+        candidates=(),
+        map_from_base=map_from_base,
+        points=outline,
+        residuals=np.zeros(len(outline)),
+        hull=outline,
+        warnings=(),
+    )
+
+
+def looking_down(height: float = 1.1, pitch: float = 0.5) -> Floats:
+    """Return the (4, 4) pose of an optical frame in the base, looking ahead and down."""
+    c, s = np.cos(pitch), np.sin(pitch)
+    pose = np.eye(4)
+    pose[:3, :3] = np.array([[0.0, -s, c], [-1.0, 0.0, 0.0], [0.0, -c, -s]])
+    pose[:3, 3] = (0.1, 0.0, height)
+    return pose
+
+
+def drive(
+    scene: Scene,
+    rng: np.random.Generator,
+    *,
+    stops: int = 8,
+    distance: float = 1.3,
+    pose_sigma: float = 0.002,
+    drive_sigma: float = 0.004,
+    scans_per_stop: int = 20,
+    scans_between: int = 40,
+    half_width: float = 0.001,
+    bias: float = 0.004,
+    arc: float = 2 * np.pi,
+    with_depth: bool = False,
+    laser: bool = True,
+) -> tuple[FakeRecording, tuple[Snapshot, ...], Registration, Surface]:
+    """Drive round the table and stop, with poses that are off by ``pose_sigma``."""
+    camera = Camera(320, 240, 270.0, 270.0, 159.5, 119.5)
+    mount = looking_down()
+    scans: list[LaserScan] = []
+    truth: list[Pose2] = []
+    believed: list[Pose2] = []
+    snapshots: list[Snapshot] = []
+    stamps: list[int] = []
+    trajectory: list[Floats] = []
+    image = Image(0, "camera", 1, 1, "16UC1", False, 2, b"\0\0")
+
+    def at(turn: float) -> Pose2:
+        place = scene.table.apply(
+            np.array(
+                [
+                    (distance + 0.5 * (scene.length - 0.6)) * np.cos(turn),
+                    (distance + 0.5 * (scene.width - 0.6)) * np.sin(turn),
+                ]
+            )
+        )
+        to = np.array([scene.table.x, scene.table.y]) - place
+        # A robot never heads so exactly that all views cut a leg between the same two beams.
+        heading = float(np.arctan2(to[1], to[0])) + rng.normal(0.0, 0.05)
+        return Pose2(float(place[0]), float(place[1]), heading)
+
+    def off(pose: Pose2, sigma: float) -> Pose2:
+        error = rng.normal(0.0, sigma, 2)
+        return Pose2(pose.x + error[0], pose.y + error[1], pose.yaw + rng.normal(0, 0.25 * sigma))
+
+    stamp = SECOND
+    for k in range(stops):
+        turn = 0.3 + arc * k / stops
+        pose = at(turn)
+        seen = off(pose, pose_sigma)
+        start = stamp
+        for _ in range(scans_per_stop):
+            scans.append(scene.scan(pose, stamp, rng, half_width=half_width, bias=bias))
+            stamp += SECOND // 30
+        end = stamp - SECOND // 30
+        stamps += [start, end]
+        trajectory += [seen.as_array(), seen.as_array()]
+        truth.append(pose)
+        believed.append(seen)
+        depth = np.full((camera.height, camera.width), np.nan, dtype=np.float32)
+        if with_depth:
+            depth = scene.depth(pose.lifted() @ mount, camera).astype(np.float32)
+            depth += rng.normal(0, 0.002, depth.shape).astype(np.float32)
+        snapshots.append(
+            Snapshot(
+                k, (start + end) // 2, start, end, 1, depth, camera, mount, seen, None, image, None
+            )
+        )
+        if k == stops - 1:
+            break
+        common = rng.normal(0.0, drive_sigma, 2)
+        for i in range(1, scans_between + 1):
+            stamp += SECOND // 10
+            pose = at(turn + arc / stops * i / (scans_between + 1))
+            scans.append(scene.scan(pose, stamp, rng, half_width=half_width, bias=bias))
+            guess = off(Pose2(pose.x + common[0], pose.y + common[1], pose.yaw), 0.5 * drive_sigma)
+            stamps.append(stamp)
+            trajectory.append(guess.as_array())
+        stamp += SECOND // 10
+    covariance = np.diag(np.tile(np.square([pose_sigma, pose_sigma, 0.25 * pose_sigma]), stops))
+    poses = tuple(believed)
+    registration = Registration(
+        map_from_base=poses,
+        covariance=covariance,
+        placement_covariance=np.eye(3) * 1e-6,
+        graph_before=poses,
+        used=(True,) * stops,
+        checks=(),
+        pairs=(),
+        stop_scans=(),
+        trajectory=Trajectory(np.array(stamps, dtype=np.int64), np.array(trajectory)),
+        source="laser",
+        systematic=0.0,
+        warnings=(),
+    )
+    surface = surface_of(scene, dict(enumerate(poses)))
+    return (
+        FakeRecording(scans if laser else [], laser=laser),
+        tuple(snapshots),
+        registration,
+        surface,
+    )
+
+
+__all__ = ["FakeRecording", "Scene", "drive", "four", "invert", "looking_down"]

@@ -1,0 +1,81 @@
+"""table.json is written and read by its contract."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tablemap.errors import TablemapError
+from tablemap.model import TableModel
+from tests.making.models import rectangle_model
+
+
+def test_a_written_model_reads_back_the_same() -> None:
+    """Writing twice gives the same bytes."""
+    text = rectangle_model().to_json()
+    again = TableModel.from_json(text)
+    assert again.to_json() == text
+    assert again.surface.dimensions["length"].value == pytest.approx(1.187, abs=1e-6)
+
+
+def test_the_document_has_the_contract_s_fields() -> None:
+    """Others script against these names."""
+    document = json.loads(rectangle_model().to_json())
+    assert document["schema"] == "tablemap/table/1"
+    assert {"frame", "floor_z", "surface", "legs", "snapshots", "verdict", "warnings"} <= set(
+        document
+    )
+    assert set(document["surface"]) >= {
+        "shape",
+        "pose",
+        "height",
+        "thickness",
+        "dimensions",
+        "corner_radius",
+        "outline",
+        "edges",
+        "score",
+        "alternatives",
+    }
+    assert set(document["surface"]["pose"]) == {"x", "y", "yaw", "covariance"}
+    assert set(document["snapshots"][0]) == {"stamp_ns", "map_from_base", "sigma", "used", "reason"}
+
+
+def test_unknown_fields_are_ignored() -> None:
+    """A later version may add fields."""
+    document = json.loads(rectangle_model().to_json())
+    document["surface"]["colour"] = "brown"
+    document["new"] = [1, 2]
+    assert TableModel.from_json(json.dumps(document)) == TableModel.from_json(
+        rectangle_model().to_json()
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("hello", "JSON"),
+        ("[]", "schema"),
+        ('{"schema": "tablemap/table/2"}', "tablemap/table/2"),
+        ('{"schema": "tablemap/table/1", "frame": "map"}', "damaged"),
+    ],
+)
+def test_what_is_no_model_is_refused_in_a_sentence(text: str, words: str) -> None:
+    """No validation report of many lines reaches the user."""
+    with pytest.raises(TablemapError, match=words) as caught:
+        TableModel.from_json(text)
+    assert "\n" not in str(caught.value)
+
+
+def test_no_figure_is_ever_nan() -> None:
+    """What is not known is null, never NaN."""
+    with pytest.raises(ValueError, match="finite"):
+        rectangle_model(length=float("nan"))
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    """With its path."""
+    with pytest.raises(TablemapError, match=r"table\.json"):
+        TableModel.load(tmp_path)

@@ -1,0 +1,231 @@
+"""Edges of the top: where they are, what made them; height and thickness."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tablemap.config import OutlineConfig
+from tablemap.errors import EstimationError
+from tablemap.stages.outline import EdgeKind, Outline, ViewEdges, find_edges
+from tablemap.stages.segmentation import Label, Segmentation
+from tests.making.photographs import Box, Drum, Scene, mount, photograph, segmentation_of
+
+CONFIG = OutlineConfig()
+LOW_CAMERA, HIGH_CAMERA = mount(1.09, 32.0), mount(1.38, 40.0)
+TOP = Box((1.3, 0.1), (0.8, 0.7), 0.72, 0.745, 0.3)
+
+
+def outline_of(scene: Scene, *mounts: np.ndarray, seed: int = 0) -> Outline:
+    """Photograph the scene from each mounting and find its edges."""
+    rng = np.random.default_rng(seed)
+    shots = [photograph(scene, pose, rng, index=i) for i, pose in enumerate(mounts)]
+    return find_edges(
+        tuple(snapshot for snapshot, _ in shots),
+        segmentation_of([view for _, view in shots], scene.top.high),
+        config=CONFIG,
+    )
+
+
+def errors_mm(scene: Scene, view: ViewEdges, *, near: bool) -> np.ndarray:
+    """Return how far outside the true outline the table edges of a view lie, millimetres."""
+    chosen = (view.kind == EdgeKind.TABLE) & (view.is_near == near)
+    return scene.top.outside(view.points[chosen]) * 1e3
+
+
+@pytest.mark.parametrize("pose", [LOW_CAMERA, HIGH_CAMERA], ids=["low", "high"])
+@pytest.mark.parametrize(
+    "top",
+    [TOP, Drum((1.25, 0.0), 0.8, 0.72, 0.745), Box((1.3, 0.1), (0.8, 0.7), 0.705, 0.745, 0.7)],
+    ids=["rectangle", "circle", "thick"],
+)
+def test_near_and_far_edges_lie_on_the_outline(top: Box | Drum, pose: np.ndarray) -> None:
+    """Neither the side face at near edges nor the mixed pixels at far ones shift the edge."""
+    scene = Scene(top)
+    (view,) = outline_of(scene, pose).views
+    near, far = errors_mm(scene, view, near=True), errors_mm(scene, view, near=False)
+    assert min(len(near), len(far)) > 80
+    assert abs(np.median(near)) < 0.5
+    assert abs(np.median(far)) < 0.7
+    assert np.std(near) < 2.0
+    assert np.std(far) < 3.0
+
+
+def test_sigma_covers_the_scatter_without_wild_excess() -> None:
+    """Errors over sigma scatter by at most one, and by no less than a tenth."""
+    scene = Scene(TOP)
+    for view in outline_of(scene, LOW_CAMERA, HIGH_CAMERA).views:
+        table = view.kind == EdgeKind.TABLE
+        ratio = scene.top.outside(view.points[table]) / view.sigma[table]
+        assert 0.1 < np.std(ratio) < 1.1
+
+
+def test_normals_are_outward_units() -> None:
+    """On a circle the normals point away from its centre."""
+    scene = Scene(Drum((1.25, 0.0), 0.8, 0.72, 0.745))
+    (view,) = outline_of(scene, HIGH_CAMERA).views
+    table = view.kind == EdgeKind.TABLE
+    radial = view.points[table] - np.array([1.25, 0.0])
+    radial /= np.linalg.norm(radial, axis=1, keepdims=True)
+    cosine = np.sum(radial * view.normals[table], axis=1)
+    np.testing.assert_allclose(np.linalg.norm(view.normals[table], axis=1), 1.0, atol=1e-9)
+    assert np.percentile(cosine, 2) > np.cos(np.radians(20))
+    # Near is where the camera stands outside the edge's tangent.
+    toward = np.sum((view.camera_xy - view.points[table]) * view.normals[table], axis=1)
+    assert np.mean((toward > 0) == view.is_near[table]) > 0.95
+
+
+def test_height_and_thickness() -> None:
+    """Height to half a millimetre; thickness to two where the lower end of the face is seen."""
+    outline = outline_of(Scene(TOP), LOW_CAMERA, HIGH_CAMERA)
+    assert outline.height == pytest.approx(0.745, abs=5e-4)
+    assert outline.height_sigma < 2e-3
+    assert set(outline.height_by_view) == {0, 1}
+    assert outline.thickness == pytest.approx(0.025, abs=2e-3)
+    assert outline.thickness_sigma is not None
+    assert 2e-4 < outline.thickness_sigma < 3e-3
+
+
+def test_apron_is_not_the_thickness() -> None:
+    """An apron set back by 3 cm does not count as side face."""
+    scene = Scene(TOP, (Box((1.3, 0.1), (0.74, 0.64), 0.62, 0.72, 0.3),))
+    assert outline_of(scene, LOW_CAMERA, HIGH_CAMERA).thickness == pytest.approx(0.025, abs=2e-3)
+
+
+def test_solid_block_has_no_thickness() -> None:
+    """A face that reaches the floor gives no thickness."""
+    assert outline_of(Scene(replace(TOP, low=0.0)), LOW_CAMERA).thickness is None
+
+
+def test_bevelled_rim_puts_near_edges_at_the_face() -> None:
+    """A rim that falls 8 mm is dull and its near edges lie on the face; a sharp one is not."""
+    steps = np.linspace(0.0, 0.008, 5)
+    tiers = [Box(TOP.centre, (0.8 - 2 * s, 0.7 - 2 * s), 0.705, 0.737 + s, 0.3) for s in steps]
+    bevelled = outline_of(Scene(tiers[-1], tuple(tiers[:-1])), LOW_CAMERA)
+    assert bevelled.is_dull
+    for view in bevelled.views:
+        near = (view.kind == EdgeKind.TABLE) & view.is_near
+        assert near.sum() > 80
+        assert abs(np.median(tiers[0].outside(view.points[near]))) < 1e-3
+    sharp = outline_of(Scene(replace(TOP, low=0.705)), LOW_CAMERA, HIGH_CAMERA)
+    assert sharp.rim == pytest.approx(0.0, abs=4e-4)
+    assert not sharp.is_dull
+
+
+def test_thin_top() -> None:
+    """A top of 8 mm, hardly more than the tolerance, comes out within 2.5 mm at near edges."""
+    scene = Scene(replace(TOP, low=0.737))
+    (view,) = outline_of(scene, LOW_CAMERA).views
+    assert abs(np.median(errors_mm(scene, view, near=True))) < 2.5
+
+
+def test_shadows_beside_an_edge_are_bridged() -> None:
+    """The dark strip that a projector leaves on the floor neither hides nor shifts the edge."""
+    scene = Scene(TOP, shadow_baseline=0.075)
+    (view,) = outline_of(scene, HIGH_CAMERA).views
+    far = errors_mm(scene, view, near=False)
+    assert len(far) > 120
+    assert abs(np.median(far)) < 2.0
+    assert np.percentile(np.abs(far), 95) < 8.0
+
+
+def test_coarse_depth_steps_give_edges_with_honest_sigma() -> None:
+    """Steps of 39 mm scatter the near edges by centimetres, and the sigma says so."""
+    scene = Scene(replace(TOP, low=0.70), steps=0.039)
+    (view,) = outline_of(scene, LOW_CAMERA).views
+    near = errors_mm(scene, view, near=True)
+    table = view.kind == EdgeKind.TABLE
+    sigma = view.sigma[table & view.is_near] * 1e3
+    assert len(near) > 50
+    assert np.std(near / sigma) < 1.6
+    assert np.median(sigma) > 4.0
+    assert abs(np.median(errors_mm(scene, view, near=False))) < 2.0
+
+
+@pytest.mark.parametrize(
+    "clutter",
+    [
+        Box((1.62, 0.0), (0.2, 0.2), 0.745, 0.95),
+        Box((0.95, 0.1), (0.25, 0.2), 0.745, 0.85),
+        Box((0.75, 0.1), (0.05, 0.3), 0.0, 0.95),
+    ],
+    ids=["far-edge", "overhanging-near-edge", "chair-back"],
+)
+def test_clutter_is_no_table_edge(clutter: Box) -> None:
+    """No table edge lies off the outline, whatever stands on, over or beside it."""
+    scene = Scene(replace(TOP, yaw=0.0), (clutter,))
+    (view,) = outline_of(scene, HIGH_CAMERA).views
+    table = view.kind == EdgeKind.TABLE
+    off = np.abs(scene.top.outside(view.points[table]))
+    assert table.sum() > 80
+    assert np.mean(off > 0.015) < 0.01
+    assert np.sum(view.kind == EdgeKind.OCCLUDED) > 5
+
+
+def test_end_of_the_image_is_a_border() -> None:
+    """Where the image cuts the top, the end is no table edge."""
+    scene = Scene(Box((1.4, 0.0), (0.8, 3.0), 0.70, 0.74))
+    (view,) = outline_of(scene, HIGH_CAMERA).views
+    border = view.kind == EdgeKind.BORDER
+    assert border.sum() > 50
+    assert np.median(scene.top.outside(view.points[border])) < -0.05
+    assert len(errors_mm(scene, view, near=False)) > 80
+
+
+def test_missing_depth_is_no_table_edge() -> None:
+    """A wide hole in the depth that swallows an edge is said to be missing."""
+    scene = Scene(TOP)
+    snapshot, view = photograph(scene, HIGH_CAMERA, np.random.default_rng(0))
+    rows, columns = np.nonzero(view.labels == Label.TOP)
+    middle = int(np.median(rows))
+    hole = slice(middle - 40, middle + 40), slice(int(np.median(columns)), columns.max() + 40)
+    depth, labels = snapshot.depth.copy(), view.labels.copy()
+    depth[hole], labels[hole] = np.nan, Label.UNKNOWN
+    outline = find_edges(
+        (replace(snapshot, depth=depth),),
+        segmentation_of([replace(view, labels=labels)], 0.745),
+        config=CONFIG,
+    )
+    (edges,) = outline.views
+    table = edges.kind == EdgeKind.TABLE
+    assert np.max(np.abs(scene.top.outside(edges.points[table]))) < 0.02
+    assert np.sum(edges.kind == EdgeKind.MISSING) > 20
+
+
+def test_votes_lie_on_their_own_side() -> None:
+    """Points seen as top lie on the top, points seen through off it."""
+    scene = Scene(TOP)
+    (view,) = outline_of(scene, HIGH_CAMERA).views
+    assert len(view.top) > 500
+    assert scene.top.outside(view.top).max() < 0.003
+    assert len(view.free) > 500
+    assert scene.top.outside(view.free).min() > -0.012
+
+
+def test_repeats_bit_for_bit() -> None:
+    """The same views give the same edges."""
+    scene = Scene(TOP)
+    first, second = outline_of(scene, LOW_CAMERA), outline_of(scene, LOW_CAMERA)
+    np.testing.assert_array_equal(first.views[0].points, second.views[0].points)
+    assert first.height == second.height
+
+
+def test_nothing_seen_is_an_error_and_little_is_a_warning() -> None:
+    """No top at all raises; a view with hardly any is set aside with its reason."""
+    scene = Scene(TOP)
+    snapshot, view = photograph(scene, LOW_CAMERA, np.random.default_rng(0))
+    blind = replace(snapshot, index=1, depth=np.full_like(snapshot.depth, np.nan))
+    dark = replace(view, index=1, labels=np.zeros_like(view.labels))
+    with pytest.raises(EstimationError, match="no edges"):
+        find_edges((blind,), segmentation_of([dark], 0.745), config=CONFIG)
+    with pytest.raises(EstimationError, match="no edges"):
+        find_edges((), Segmentation((), 0.745, 0.002, (), ()), config=CONFIG)
+    outline = find_edges(
+        (snapshot, blind),
+        segmentation_of([view, dark], 0.745),
+        config=CONFIG,
+    )
+    assert [edges.index for edges in outline.views] == [0]
+    assert [warning.code for warning in outline.warnings] == ["outline.view_without_edges"]
