@@ -7,7 +7,7 @@ differently tell the two apart.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,25 +15,13 @@ from numpy.typing import NDArray
 from tablemap.config import CalibrationConfig
 from tablemap.geometry import Floats
 from tablemap.stages.calibration.floor import Floor, residuals
+from tablemap.stages.calibration.result import FocalLength
 from tablemap.stages.snapshots import Snapshot
 
 _GATES_M = (0.03, 0.03, 0.02, 0.02, 0.015, 0.010, 0.010, 0.010)
 _LEAST_SAMPLES = 200
 _SAME_TILT = np.deg2rad(0.5)
 _PARAMETERS = 5  # roll, pitch, scale - 1, height, spread
-
-
-@dataclass(frozen=True)
-class FocalLength:
-    """``scale`` is the factor on fx and fy that the floor asks for, ``sigma`` its own.
-
-    ``tilts`` counts the different tilts that it rests on; ``applied`` says whether it is clear.
-    """
-
-    scale: float
-    sigma: float
-    tilts: int
-    applied: bool
 
 
 def estimate_focal(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,73 +11,10 @@ from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats
 from tablemap.stages.calibration.fit import COMMON, fit_axes, fit_floor, views_apart
 from tablemap.stages.calibration.floor import Floor, collect_floor, correction, residuals
-from tablemap.stages.calibration.focal import FocalLength, estimate_focal, with_focal
+from tablemap.stages.calibration.focal import estimate_focal, with_focal
 from tablemap.stages.calibration.level import floor_level, lowered
+from tablemap.stages.calibration.result import Calibration, FocalLength
 from tablemap.stages.snapshots import Snapshot
-
-
-@dataclass(frozen=True, eq=False)
-class Calibration:
-    """What the floor of all views says about the camera.
-
-    ``roll`` and ``pitch`` (radians, about the base's x and y axes) and ``depth_scale`` (factor on
-    every depth) turn the recorded camera into the corrected one; ``covariance`` (3, 3) is theirs,
-    in that order, priors included. Where the camera errs with a head that turns, they are
-    about the head's axes. ``height_correction`` (metres) lifts the camera where the floor
-    lies beside z = 0. ``floor_rms_before`` and ``floor_rms_after`` are the floor's residuals in
-    metres.
-    ``snapshots`` are the corrected ones, in the order given. ``depth_offset`` (metres, added after
-    the scale) is fitted only to depth published in coarse steps, whose rounding is unknown.
-    ``joint_covariance`` (5, 5) goes on with the height correction, which the floor ties to the
-    scale, and the offset. ``by_view`` has, by snapshot index, roll, pitch and height (3,) on top of
-    the common ones, where the views' floors disagreed. ``focal`` is the focal length that the floor
-    asks for, where views tilted differently enough show it; the corrected snapshots have it only
-    where the evidence is clear. ``floor_z`` (metres) is the floor in the fixed frame; the corrected
-    snapshots count z from it.
-    """
-
-    roll: float
-    pitch: float
-    depth_scale: float
-    height_correction: float
-    covariance: Floats
-    floor_pixels: int
-    floor_rms_before: float
-    floor_rms_after: float
-    snapshots: tuple[Snapshot, ...]
-    warnings: tuple[ProcessWarning, ...]
-    joint_covariance: Floats
-    by_view: dict[int, Floats]
-    depth_offset: float
-    focal: FocalLength | None = None
-    floor_z: float = 0.0
-
-    def top_covariance(self, height: float) -> Floats:
-        """Return what the camera leaves unknown of a level top: (3, 3), of its height above the
-        floor in metres, of how far it is from the camera as a share of that, and of the camera's
-        own height in metres.
-
-        A point at that height below a camera at height c has z = c + h + s (z - c): its error is
-        that of h plus (z - c) times that of s, plus what an offset along the ray does.
-        """
-        if not self.snapshots:
-            return np.zeros((3, 3))
-        camera = float(np.median([s.base_from_camera[2, 3] for s in self.snapshots]))
-        axis = float(np.median([s.base_from_camera[2, 2] for s in self.snapshots]))
-        drop = min(height - camera, -0.1)
-        gradient = np.array(
-            [
-                [0.0, 0.0, drop, 1.0, axis],
-                [0.0, 0.0, 1.0, 0.0, axis / drop],
-                [0.0, 0.0, 0.0, 1.0, 0.0],
-            ]
-        )
-        result: Floats = gradient @ self.joint_covariance @ gradient.T
-        return result
-
-    def height_sigma(self, height: float) -> float:
-        """Return what the camera leaves unknown of a height above the floor, in metres."""
-        return float(np.sqrt(self.top_covariance(height)[0, 0]))
 
 
 def calibrate(snapshots: tuple[Snapshot, ...], *, config: CalibrationConfig) -> Calibration:
