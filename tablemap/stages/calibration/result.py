@@ -38,12 +38,11 @@ class Calibration:
     - ``floor_pixels``: how many pixels of all views show the floor
     - ``floor_rms_before``, ``floor_rms_after``: the floor's residuals in metres
     - ``snapshots``: the corrected ones, in the order given
-    - ``joint_covariance``: (5, 5) of roll, pitch, depth scale, height and depth offset; the floor
-      ties the height to the scale
+    - ``joint_covariance``: (5, 5) of roll, pitch, depth scale, height and an offset of depth; the
+      floor ties the height to the scale, and the offset (metres, added after the scale) is fitted
+      only to depth published in coarse steps, whose rounding is unknown
     - ``by_view``: by snapshot index (3,) roll, pitch and height on top of the common ones, where
       the views' floors disagreed
-    - ``depth_offset``: metres, added after the scale; fitted only to depth published in coarse
-      steps, whose rounding is unknown
     - ``focal``: the focal length that the floor asks for, where views tilted differently enough
       show it; the corrected snapshots have it only where the evidence is clear
     - ``floor_z``: metres, the floor in the fixed frame; the corrected snapshots count z from it
@@ -61,7 +60,6 @@ class Calibration:
     warnings: tuple[ProcessWarning, ...]
     joint_covariance: Floats
     by_view: dict[int, Floats]
-    depth_offset: float
     focal: FocalLength | None = None
     floor_z: float = 0.0
 
@@ -87,7 +85,3 @@ class Calibration:
         )
         result: Floats = gradient @ self.joint_covariance @ gradient.T
         return result
-
-    def height_sigma(self, height: float) -> float:
-        """Return what the camera leaves unknown of a height above the floor, in metres."""
-        return float(np.sqrt(self.top_covariance(height)[0, 0]))

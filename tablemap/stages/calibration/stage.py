@@ -183,5 +183,4 @@ def _result(
         warnings=warnings,
         joint_covariance=covariance,
         by_view=by_view,
-        depth_offset=float(common[4]),
     )

@@ -9,7 +9,6 @@ import numpy as np
 from tablemap.config import SegmentationConfig
 from tablemap.errors import EstimationError, ProcessWarning
 from tablemap.events import Record, ignore
-from tablemap.stages.calibration import Calibration
 from tablemap.stages.segmentation.candidates import STRIDE_PX, rank_tables
 from tablemap.stages.segmentation.height import Height, Plane, joint_height
 from tablemap.stages.segmentation.labelling import label_view
@@ -24,15 +23,13 @@ def segment(
     config: SegmentationConfig,
     near: tuple[float, float] | None = None,
     candidate: TableCandidate | None = None,
-    calibration: Calibration | None = None,
     record: Record = ignore,
 ) -> Segmentation:
     """Choose the table (nearest to ``near`` in the map, or the best seen) and label every view.
 
     What could be meant goes to ``record`` before one is chosen; a ``candidate`` of `find_tables` is
-    taken as it is. With the calibration of these snapshots the
-    height's sigma includes what the camera leaves open. Raises `EstimationError` where there is no
-    table, none near the place, or no view that sees it.
+    taken as it is. Raises `EstimationError` where there is no table, none near the place, or no
+    view that sees it.
     """
     coarse = [look(s, stride=STRIDE_PX) for s in snapshots]
     if candidate is None:
@@ -63,13 +60,10 @@ def segment(
             f"Expected views of the table top at {_place(chosen)} in the map, but none of "
             f"{len(views)} shows it: {views[0].reason}"
         )
-    sigma = height.sigma
-    if calibration is not None:
-        sigma = float(np.hypot(sigma, calibration.height_sigma(height.value)))
     return Segmentation(
         views=tuple(views),
         height=height.value,
-        height_sigma=sigma,
+        height_sigma=height.sigma,
         candidates=candidates,
         warnings=(*warnings, *_doubts(height)),
     )

@@ -191,7 +191,7 @@ def test_living_room_chooses_the_side_table(real_recordings: Path) -> None:
     recording = open_recording(real_recordings / "hsr_living_room.mcap")
     taken = take_snapshots(recording, config=SnapshotsConfig())
     calibration = calibrate(taken.snapshots, config=CalibrationConfig())
-    result = segment(calibration.snapshots, config=CONFIG, calibration=calibration)
+    result = segment(calibration.snapshots, config=CONFIG)
     assert result.used == (2, 3)
     assert result.height == pytest.approx(0.45, abs=0.02)
     best = next(c for c in result.candidates if c.chosen)
@@ -205,7 +205,7 @@ def test_kitchen_finds_the_dining_table(real_recordings: Path) -> None:
     taken = take_snapshots(recording, config=SnapshotsConfig())
     assert taken.kind == "keyframes"
     calibration = calibrate(taken.snapshots, config=CalibrationConfig())
-    result = segment(calibration.snapshots, config=CONFIG, calibration=calibration)
+    result = segment(calibration.snapshots, config=CONFIG)
     assert result.height == pytest.approx(0.725, abs=0.01)
     assert len(result.used) >= 25
     best = next(c for c in result.candidates if c.chosen)
