@@ -10,7 +10,11 @@ from tablemap.geometry import Floats
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """What one kind of evidence says by itself: ``at_table`` (2,) metres and its sigmas (2,)."""
+    """What one kind of evidence says by itself.
+
+    - ``at_table``: (2,) metres, forward and leftward of the base
+    - ``sigma``: (2,) metres, its standard deviations
+    """
 
     at_table: Floats
     sigma: Floats
@@ -20,18 +24,22 @@ class Estimate:
 class CrossCheck:
     """How far the camera sits beside where the laser and the recorded frames have it.
 
-    ``offset`` (3,) is x, y (metres) and yaw of the camera in the base, laser taken as right; what
-    is the laser's own error has the opposite sign. ``covariance`` (3, 3) is its. ``range_scale``
-    is by how much the laser's ranges are too long against the camera's (0.001: a millimetre a
-    metre), with ``range_scale_sigma``. ``at_table`` (2,) is what all this does to the table,
-    forward and leftward of the base in metres, with standard deviations ``at_table_sigma`` (2,).
-    All are None where the views cannot tell. ``by_edges`` and ``by_legs`` are the two kinds of
-    evidence by themselves, None without enough of it.
+    - ``offset``: (3,) x, y (metres) and yaw of the camera in the base, where the laser is taken as
+      right; an error of the laser itself shows with the opposite sign
+    - ``covariance``: (3, 3) of the offset
+    - ``at_table``: (2,) metres, forward and leftward of the base: what all this does at the table
+    - ``at_table_sigma``: (2,) metres, its standard deviations
+    - ``pose_sigma``: metres per axis, what the offset leaves unknown of where the base was, since
+      nobody knows which of the two sensors is off
+    - ``points``, ``views``: how many edge points of how many views were compared
+    - ``range_scale``, ``range_scale_sigma``: by how much the laser's ranges are too long against
+      the camera's (0.001: a millimetre a metre)
+    - ``by_edges``, ``by_legs``: what each kind of evidence says by itself, None without enough
+    - ``excess``: at least 1, how many times what was found exceeds the assumed spread of mounting
+      and scale: that assumption is too good by as much
+    - ``sightings``: how many sightings of legs were compared
 
-    ``pose_sigma`` (metres per axis) is what the offset leaves unknown of where the base was: which
-    sensor is off is not known. ``excess`` (at least 1) is by how many times what was found exceeds
-    the assumed spread of mounting and scale: that assumption is then too good by as much.
-    ``points`` edge points of ``views`` views and ``sightings`` of legs were compared.
+    What the views cannot tell is None.
     """
 
     offset: Floats | None

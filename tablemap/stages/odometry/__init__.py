@@ -1,8 +1,8 @@
 """Where the base was between the stops: KISS-ICP over the laser scans that moved."""
 
 from tablemap.stages.odometry.lines import fit_windows
-from tablemap.stages.odometry.placing import OdometryMap, OdometryScan
-from tablemap.stages.odometry.stage import Odometry, estimate_odometry
+from tablemap.stages.odometry.result import Odometry, OdometryMap, OdometryScan
+from tablemap.stages.odometry.stage import estimate_odometry
 from tablemap.stages.odometry.sweep import points_in_base, sweep_motion
 from tablemap.stages.odometry.trajectory import Trajectory
 

@@ -14,34 +14,11 @@ from tablemap.geometry import Floats, Pose2
 from tablemap.recording import Recording
 from tablemap.stages.odometry.constraint import constrained, held_share
 from tablemap.stages.odometry.recorded import has_wheels
+from tablemap.stages.odometry.result import OdometryMap, OdometryScan
 from tablemap.stages.odometry.sweep import points_in_base, sweep_motion
 from tablemap.stages.odometry.trajectory import Trajectory
 
 _LEAST_POINTS = 30
-
-
-@dataclass(frozen=True, eq=False)
-class OdometryScan:
-    """Event: one scan as KISS-ICP placed it. ``points`` (n, 2) in the odometry's frame.
-
-    ``threshold`` (metres) is the kernel's scale that it was registered with; ``correction`` how far
-    (metres) it ended from where the prior had it, in the directions that it holds, before one that
-    is too far is refused.
-    """
-
-    stamp_ns: int
-    odom_from_base: Pose2
-    points: Floats
-    threshold: float
-    correction: float
-
-
-@dataclass(frozen=True, eq=False)
-class OdometryMap:
-    """Event: what KISS-ICP registers scans to. ``points`` (n, 2) in the odometry's frame."""
-
-    stamp_ns: int
-    points: Floats
 
 
 @dataclass(frozen=True, eq=False)

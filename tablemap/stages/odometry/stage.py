@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,72 +19,11 @@ from tablemap.stages.odometry.recorded import (
     sampled,
     thinned_stamps,
 )
+from tablemap.stages.odometry.result import Odometry
 from tablemap.stages.odometry.trajectory import Trajectory
 from tablemap.stages.snapshots import Snapshot
 
-# How the error of each source grows with the way, as standard deviations a metre (x, y, yaw): the
-# first two as measured on simulated laps, the last so loose that a localisation's jump fits in.
-_ERROR_PER_METRE = {
-    "laser": (0.004, 0.004, 0.001),
-    "wheels": (0.03, 0.03, 0.015),
-    "localisation": (0.08, 0.08, 0.04),
-}
-# What even a short way costs: interpolation between scans, a stop's own jitter.
-_LEAST_ERROR = {
-    "laser": (0.004, 0.004, 0.0015),
-    "wheels": (0.004, 0.004, 0.004),
-    "localisation": (0.03, 0.03, 0.02),
-}
-_SHORTEST_WAY = 0.1  # metres
 _OPEN_SHARE = 0.1  # of the way, in some direction: less is no corridor
-
-
-@dataclass(frozen=True, eq=False)
-class Odometry:
-    """Motion of the base in a frame of its own (its first pose is the localised one).
-
-    ``source`` is ``laser``, ``wheels`` or ``localisation``, whichever it had to rest on; ``gaps``
-    (g, 2) are the stamps between which no scan could be placed and the wheels bridge the laser's.
-    ``open_way`` (n, 2, 2), at the trajectory's stamps and in its frame, is how many metres up to
-    there, of each direction, the scans left open (along a corridor) to the motion recorded beside
-    them. ``localised`` and ``wheels`` are the recorded trajectories at the same stamps (``wheels``
-    None without them).
-    """
-
-    trajectory: Trajectory
-    localised: Trajectory
-    wheels: Trajectory | None
-    source: str
-    scans_used: int
-    scans_skipped: int
-    gaps: NDArray[np.int64]
-    open_way: Floats
-    warnings: tuple[ProcessWarning, ...]
-
-    def covariance_between(self, first_ns: int, second_ns: int) -> Floats:
-        """Return the (3, 3) covariance of the motion between two stamps, longer ways looser.
-
-        In the base's frame at the first.
-        """
-        way = self.trajectory.way_between(first_ns, second_ns)
-        bridged = sum(
-            self.trajectory.way_between(*np.clip(gap, first_ns, second_ns)) for gap in self.gaps
-        )
-        covariance = self.covariance_over(max(way - bridged, _SHORTEST_WAY), bridged)
-        at = self.trajectory.stamps_ns.astype(np.float64)
-        left = [np.interp([first_ns, second_ns], at, one) for one in self.open_way.reshape(-1, 4).T]
-        turn = self.trajectory.at(first_ns).rotation
-        left_open = turn.T @ np.diff(left, axis=1).reshape(2, 2) @ turn
-        prior = "localisation" if self.wheels is None else "wheels"
-        covariance[:2, :2] += _ERROR_PER_METRE[prior][0] ** 2 * left_open
-        return covariance
-
-    def covariance_over(self, way: float, bridged: float = 0.0) -> Floats:
-        """Return the (3, 3) covariance of the motion over metres of way, and bridged ones."""
-        variances = np.square(_ERROR_PER_METRE[self.source]) * way
-        variances += np.square(_ERROR_PER_METRE["wheels"]) * bridged
-        least = "wheels" if bridged and self.source == "laser" else self.source
-        return np.diag(variances + np.square(_LEAST_ERROR[least]))
 
 
 def estimate_odometry(
