@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tablemap.recording.decoding import Decoder, DecodingError
-from tablemap.recording.mcap.container import Container
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
+from tablemap.recording.raw import Source
 from tablemap.recording.tf.frames import TransformCollector, TransformTree
 from tablemap.recording.topics import Roles, Topic
 
@@ -34,10 +34,8 @@ class Channels:
     read once, here. ``say`` takes the code and the words of a warning.
     """
 
-    def __init__(
-        self, container: Container, roles: Roles, *, say: Callable[[str, str], None]
-    ) -> None:
-        self._container, self._roles, self._say = container, roles, say
+    def __init__(self, source: Source, roles: Roles, *, say: Callable[[str, str], None]) -> None:
+        self._source, self._roles, self._say = source, roles, say
         self._decoders = {
             topic.channel.id: Decoder(topic.channel)
             for topic in (roles.depth, roles.colour, roles.laser)
@@ -52,7 +50,7 @@ class Channels:
         decoder = self._decoders[topic.channel.id]
         waiting: dict[int, Image | CompressedImage | CameraInfo | LaserScan] = {}
         expected = dict.fromkeys(due.stamps_ns.tolist())
-        for raw in self._container.messages([topic.channel.id], log_times_ns=due.log_times_ns):
+        for raw in self._source.messages([topic.channel.id], log_times_ns=due.log_times_ns):
             try:
                 message = decoder.decode(raw)
             except DecodingError as error:
@@ -85,7 +83,7 @@ class Channels:
                 self.say_undecoded(topic.name, DecodingError(topic.problem or "cannot be read"))
         stamped: dict[int, list[tuple[int, int]]] = {id: [] for id in self._decoders}
         collector = TransformCollector()
-        for raw in self._container.messages({*transforms, *stamped}):
+        for raw in self._source.messages({*transforms, *stamped}):
             try:
                 if raw.channel_id in transforms:
                     message = transforms[raw.channel_id].decode(raw)
@@ -96,7 +94,7 @@ class Channels:
                     decoder = self._decoders[raw.channel_id]
                     stamped[raw.channel_id].append((decoder.stamp_ns(raw), raw.log_time_ns))
             except DecodingError as error:
-                self.say_undecoded(self._container.channels[raw.channel_id].topic, error)
+                self.say_undecoded(self._source.channels[raw.channel_id].topic, error)
         tree = collector.tree()
         if collector.rejected:
             self._say(

@@ -21,8 +21,6 @@ from mcap.records import Schema
 from mcap_protobuf.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-from tablemap.recording.mcap.chunks import RawMessage
-from tablemap.recording.mcap.container import Channel
 from tablemap.recording.messages import (
     CameraInfo,
     CompressedImage,
@@ -30,6 +28,7 @@ from tablemap.recording.messages import (
     LaserScan,
     TransformStamped,
 )
+from tablemap.recording.raw import Channel, RawMessage
 from tablemap.recording.tf.messages import Reader as DirectReader
 from tablemap.recording.tf.messages import direct_reader
 

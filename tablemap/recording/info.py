@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -13,8 +14,8 @@ from tablemap.config import TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.recording.decoding import Decoder, DecodingError, Message
 from tablemap.recording.depth import decode_depth, depth_encoding
-from tablemap.recording.mcap.container import Container
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
+from tablemap.recording.raw import Source
 from tablemap.recording.rectification import rectification
 from tablemap.recording.sources import open_source
 from tablemap.recording.tf.frame_roles import FrameNames, find_frames
@@ -28,7 +29,7 @@ from tablemap.recording.topics import (
     missing_roles,
 )
 
-_MOST_SPANS = 64  # parts of the file that are read for the TF tree
+_MOST_PLACES = 64  # of the recording, that are read for the TF tree
 
 
 @dataclass(frozen=True)
@@ -112,13 +113,12 @@ def inspect(path: Path, *, topics: TopicsConfig | None = None) -> RecordingInfo:
     """
     config = topics or TopicsConfig()
     warnings: list[ProcessWarning] = []
-    with open_source(path) as file:
-        container = Container(file, warnings=warnings)
-        known = list_topics(container)
-        names = sorted({channel.topic for channel in container.channels.values()})
+    with closing(open_source(path, warnings=warnings)) as source:
+        known = list_topics(source)
+        names = sorted({channel.topic for channel in source.channels.values()})
         roles, choices = find_roles(known, config, all_names=names)
-        missing = missing_roles(container, roles, known)
-        tree, sampled = _sampled_tree(container, roles)
+        missing = missing_roles(source, roles, known)
+        tree, sampled = _sampled_tree(source, roles)
         frame_roles: FrameNames | None = None
         if roles.depth is not None and roles.calibration is not None:
             missing += _unfit_calibration(roles.depth, roles.calibration)
@@ -128,12 +128,12 @@ def inspect(path: Path, *, topics: TopicsConfig | None = None) -> RecordingInfo:
     return RecordingInfo(
         path=str(path),
         size_bytes=Path(path).stat().st_size,
-        profile=container.profile,
-        library=container.library,
-        start_ns=container.start_ns,
-        end_ns=container.end_ns,
-        messages=sum(container.counts.values()),
-        topics=_topic_infos(container, known, roles),
+        profile=source.profile,
+        library=source.library,
+        start_ns=source.start_ns,
+        end_ns=source.end_ns,
+        messages=sum(source.counts.values()),
+        topics=_topic_infos(source, known, roles),
         frames=tuple(
             FrameInfo(edge.parent, edge.child, edge.is_static)
             for child in sorted(tree.edges)
@@ -146,9 +146,7 @@ def inspect(path: Path, *, topics: TopicsConfig | None = None) -> RecordingInfo:
     )
 
 
-def _topic_infos(
-    container: Container, known: Sequence[Topic], roles: Roles
-) -> tuple[TopicInfo, ...]:
+def _topic_infos(source: Source, known: Sequence[Topic], roles: Roles) -> tuple[TopicInfo, ...]:
     by_id = {topic.channel.id: topic for topic in known}
     role_of = {
         topic.channel.id: role
@@ -161,11 +159,11 @@ def _topic_infos(
         )
         if topic is not None
     }
-    duration = (container.end_ns - container.start_ns) / 1e9
+    duration = (source.end_ns - source.start_ns) / 1e9
     infos = []
-    for id, channel in container.channels.items():
+    for id, channel in source.channels.items():
         topic = by_id.get(id)
-        count = container.counts[id]
+        count = source.counts[id]
         infos.append(
             TopicInfo(
                 channel.topic,
@@ -196,24 +194,19 @@ def _detail(message: Message | None) -> str:
     return ""
 
 
-def _sampled_tree(container: Container, roles: Roles) -> tuple[TransformTree, bool]:
+def _sampled_tree(source: Source, roles: Roles) -> tuple[TransformTree, bool]:
     """Read the transforms, of a long recording those of the static topics and of some places."""
     decoders: dict[int, Decoder] = {}
     for topic in roles.transforms:
         if topic.problem is None:
             decoders[topic.channel.id] = Decoder(topic.channel)
     static = {id for id, decoder in decoders.items() if "static" in decoder.channel.topic}
-    spans = container.spans_of(decoders)
-    step = max(len(spans) / _MOST_SPANS, 1.0)
-    places = np.arange(0, len(spans), step).astype(int).tolist()
-    chosen = (
-        {spans[place] for place in places}
-        | set(spans[-1:])
-        | set(container.spans_of(static)[:_MOST_SPANS])
-    )
     collector = TransformCollector()
-    for span in sorted(chosen, key=lambda each: (each.start_ns, each.offset)):
-        for raw in container.span_messages(span, decoders):
+    sampled = False
+    for channels in (static, decoders.keys() - static):
+        messages, are_all = source.sample(channels, most=_MOST_PLACES)
+        sampled |= not are_all
+        for raw in messages:
             try:
                 message = decoders[raw.channel_id].decode(raw)
             except DecodingError:
@@ -221,7 +214,7 @@ def _sampled_tree(container: Container, roles: Roles) -> tuple[TransformTree, bo
             if isinstance(message, tuple):
                 for transform in message:
                     collector.add(transform)
-    return collector.tree(), len(chosen) < len(spans)
+    return collector.tree(), sampled
 
 
 def _unfit_calibration(depth: Topic, calibration: Topic) -> list[str]:

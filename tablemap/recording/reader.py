@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,8 +16,8 @@ from tablemap.geometry import Floats, invert
 from tablemap.recording.channels import Channels, Stamped, Stamps, only
 from tablemap.recording.decoding import DecodingError
 from tablemap.recording.depth import decode_depth
-from tablemap.recording.mcap.container import Container
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
+from tablemap.recording.raw import Source
 from tablemap.recording.rectification import Rectification, rectification
 from tablemap.recording.sources import open_source
 from tablemap.recording.tf.frame_roles import FrameNames, find_frames, ground_pose, pose_stamps
@@ -60,17 +59,18 @@ class Recording:
     end_ns: int
     warnings: list[ProcessWarning]
 
-    def __init__(self, path: Path, file: BinaryIO, *, topics: TopicsConfig) -> None:
+    def __init__(
+        self, path: Path, source: Source, *, topics: TopicsConfig, warnings: list[ProcessWarning]
+    ) -> None:
         self.path = path
-        self.warnings = []
-        self._file = file
+        self.source = source
+        self.warnings = warnings
         self._said: set[str] = set()
-        self.container = Container(file, warnings=self.warnings)
-        self.roles, choices = _roles(self.container, topics, self.warnings)
+        self.roles, choices = _roles(source, topics)
         self.warnings.extend(choices)
         assert self.roles.depth is not None
         assert self.roles.calibration is not None
-        self._channels = Channels(self.container, self.roles, say=self._say_once)
+        self._channels = Channels(source, self.roles, say=self._say_once)
         self.tree = self._channels.tree
         self._rectifications: dict[tuple[int, int], Rectification] = {}
         self._check_first_depth()
@@ -295,8 +295,8 @@ class Recording:
             self.warnings.append(ProcessWarning(code, "recording", message))
 
     def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+        """Close the files."""
+        self.source.close()
 
     def __enter__(self) -> Recording:
         return self
@@ -315,21 +315,20 @@ def open_recording(path: Path, *, topics: TopicsConfig | None = None) -> Recordi
 
     Raises `RecordingError` where the file is no MCAP, or lacks depth, its calibration or a pose.
     """
-    file = open_source(path)
+    warnings: list[ProcessWarning] = []
+    source = open_source(path, warnings=warnings)
     try:
-        return Recording(path, file, topics=topics or TopicsConfig())
+        return Recording(path, source, topics=topics or TopicsConfig(), warnings=warnings)
     except BaseException:
-        file.close()
+        source.close()
         raise
 
 
-def _roles(
-    container: Container, config: TopicsConfig, warnings: list[ProcessWarning]
-) -> tuple[Roles, list[ProcessWarning]]:
-    topics = list_topics(container)
-    names = sorted({channel.topic for channel in container.channels.values()})
+def _roles(source: Source, config: TopicsConfig) -> tuple[Roles, list[ProcessWarning]]:
+    topics = list_topics(source)
+    names = sorted({channel.topic for channel in source.channels.values()})
     roles, choices = find_roles(topics, config, all_names=names)
-    missing = missing_roles(container, roles, topics)
+    missing = missing_roles(source, roles, topics)
     if missing:
         raise RecordingError(missing[0])
     return roles, choices

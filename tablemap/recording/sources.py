@@ -1,4 +1,4 @@
-"""From what the user names to a seekable binary file, or a sentence that says why not."""
+"""From what the user names to its messages, or a sentence that says why not."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ import hashlib
 from pathlib import Path
 from typing import BinaryIO
 
-from tablemap.errors import RecordingError
+from tablemap.errors import ProcessWarning, RecordingError
+from tablemap.recording.mcap.container import Container
 from tablemap.recording.mcap.index import MAGIC
+from tablemap.recording.raw import Source
 
 _OTHER_FORMATS = {
     b"#ROSBAG V": "a ROS 1 bag; convert it with `mcap convert IN.bag OUT.mcap`",
@@ -19,9 +21,20 @@ _OTHER_FORMATS = {
 }
 
 
-def open_source(path: Path) -> BinaryIO:
-    """Open a recording's file. Raises `RecordingError` where it is no MCAP that can be read."""
-    path = Path(path)
+def open_source(path: Path, *, warnings: list[ProcessWarning]) -> Source:
+    """Open what holds a recording's messages; what is lost of it is appended to ``warnings``.
+
+    Raises `RecordingError` where it is no MCAP that can be read.
+    """
+    file = _open_mcap(Path(path))
+    try:
+        return Container(file, warnings=warnings)
+    except BaseException:
+        file.close()
+        raise
+
+
+def _open_mcap(path: Path) -> BinaryIO:
     if path.is_dir():
         inside = sorted(each.name for each in path.glob("*.mcap"))
         hint = f"name the file inside: {', '.join(inside[:3])}" if inside else "it has none inside"

@@ -24,8 +24,8 @@ from tablemap.recording.decoding import (
     kind_of,
 )
 from tablemap.recording.depth import depth_encoding, is_lossless
-from tablemap.recording.mcap.container import Channel, Container
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
+from tablemap.recording.raw import Channel, Source
 
 _NO_DEPTH = {
     *("confidence", "ir", "infra", "infra1", "infra2", "infrared", "disparity", "thermal"),
@@ -92,24 +92,24 @@ class Roles:
     transforms: tuple[Topic, ...]
 
 
-def list_topics(container: Container) -> list[Topic]:
+def list_topics(source: Source) -> list[Topic]:
     """Return the channels that processing knows, each with its first message."""
     topics = []
-    for channel in container.channels.values():
+    for channel in source.channels.values():
         kind = kind_of(channel)
         if kind is not None:
-            first, problem = _first_message(container, channel)
-            topics.append(Topic(channel, kind, container.counts[channel.id], first, problem))
+            first, problem = _first_message(source, channel)
+            topics.append(Topic(channel, kind, source.counts[channel.id], first, problem))
     return topics
 
 
-def _first_message(container: Container, channel: Channel) -> tuple[Message | None, str | None]:
-    if not container.counts[channel.id]:
+def _first_message(source: Source, channel: Channel) -> tuple[Message | None, str | None]:
+    if not source.counts[channel.id]:
         return None, "has no messages"
     problem = "has no message that could be read"
     try:
         decoder = Decoder(channel)
-        for tried, raw in enumerate(container.messages([channel.id])):
+        for tried, raw in enumerate(source.messages([channel.id])):
             try:
                 return decoder.decode(raw), None
             except DecodingError as error:
@@ -333,12 +333,12 @@ def camera_frame(roles: Roles, frames: Collection[str]) -> str:
     return calibrated if calibrated and own not in frames and calibrated in frames else own
 
 
-def missing_roles(container: Container, roles: Roles, topics: Sequence[Topic]) -> list[str]:
+def missing_roles(source: Source, roles: Roles, topics: Sequence[Topic]) -> list[str]:
     """Return what processing would lack, a sentence each with what to do."""
-    schemas = {channel.schema_name for channel in container.channels.values()}
+    schemas = {channel.schema_name for channel in source.channels.values()}
     listed = ", ".join(
         f"{channel.topic} ({channel.schema_name or channel.message_encoding})"
-        for channel in sorted(container.channels.values(), key=lambda each: each.topic)
+        for channel in sorted(source.channels.values(), key=lambda each: each.topic)
     )
     has = f"the recording has {listed or 'no topics'}"
     missing = []

@@ -112,7 +112,7 @@ def test_ros1(tmp_path: Path, name: str) -> None:
     path = tmp_path / "drive.mcap"
     w.write_drive(path, version=1, depth=encoded(name))
     with open_recording(path) as recording:
-        assert recording.container.profile == "ros1"
+        assert recording.source.profile == "ros1"
         check_drive(recording)
 
 

@@ -11,11 +11,12 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from io import BytesIO
-from typing import NamedTuple
 
 import lz4.frame
 import zstandard
 from mcap.data_stream import ReadDataStream
+
+from tablemap.recording.raw import RawMessage
 
 MAX_CHUNK_BYTES = 256 * 2**20
 """The most that one chunk may unpack to. Recorders write chunks of 1 to 8 MiB."""
@@ -31,14 +32,6 @@ _PIECE_BYTES = 4 * 2**20
 
 class DamageError(Exception):
     """Bytes that are not what the container says they are; the text completes "it ..."."""
-
-
-class RawMessage(NamedTuple):
-    """A message as recorded, not decoded."""
-
-    log_time_ns: int
-    channel_id: int
-    data: memoryview
 
 
 @dataclass(frozen=True)

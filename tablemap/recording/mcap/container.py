@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
 from typing import BinaryIO
 
 import numpy as np
@@ -21,7 +20,6 @@ from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.recording.mcap.chunks import (
     RECORD_HEADER,
     DamageError,
-    RawMessage,
     parse_chunk,
     parse_message,
     split,
@@ -36,26 +34,16 @@ from tablemap.recording.mcap.index import (
     read_summary,
     read_through,
 )
+from tablemap.recording.raw import Channel, RawMessage
 
 MAX_HELD_BYTES = 256 * 2**20
 """Messages of overlapping chunks held for sorting; beyond it they come out in the file's order."""
 
 
-@dataclass(frozen=True)
-class Channel:
-    """A topic with its schema, of which the strings are empty where the channel has none."""
-
-    id: int
-    topic: str
-    message_encoding: str
-    schema_name: str
-    schema_encoding: str
-    schema_data: bytes
-    metadata: dict[str, str]
-
-
 class Container:
-    """An opened MCAP. Losses are appended to ``warnings`` as they are met.
+    """An opened MCAP: a `tablemap.recording.raw.Source`.
+
+    Losses are appended to ``warnings`` as they are met.
 
     ``counts`` (messages a channel) and the log times ``start_ns`` and ``end_ns`` are the summary's,
     or counted where the file was read front to back. Raises `RecordingError` for what is no MCAP.
@@ -112,6 +100,20 @@ class Container:
                     held += len(message.data)
         while heap:
             yield heapq.heappop(heap)[3]
+
+    def sample(self, channels: Collection[int], *, most: int) -> tuple[Iterator[RawMessage], bool]:
+        """Return the messages of at most so many spans, and whether these are all."""
+        spans = self.spans_of(channels)
+        step = max(len(spans) / most, 1.0)
+        places = np.arange(0, len(spans), step).astype(int).tolist()
+        chosen = sorted({*places, *range(len(spans))[-1:]})
+        wanted = frozenset(channels)
+        sampled = (raw for place in chosen for raw in self.span_messages(spans[place], wanted))
+        return sampled, len(chosen) == len(spans)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
 
     def spans_of(self, channels: Collection[int]) -> list[Span]:
         """Return the spans that may hold messages of the channels, in order of their start."""

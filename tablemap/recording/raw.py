@@ -1,0 +1,65 @@
+"""A recording as raw messages on channels, be it kept in an MCAP, a bag or several files."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A topic with its schema, of which the strings are empty where the channel has none."""
+
+    id: int
+    topic: str
+    message_encoding: str
+    schema_name: str
+    schema_encoding: str
+    schema_data: bytes
+    metadata: dict[str, str]
+
+
+class RawMessage(NamedTuple):
+    """A message as recorded, not decoded."""
+
+    log_time_ns: int
+    channel_id: int
+    data: memoryview
+
+
+class Source(Protocol):
+    """An opened recording: its channels, and their messages in log time order.
+
+    ``counts`` holds the messages a channel, ``start_ns`` and ``end_ns`` the log times of the first
+    and the last message. What cannot be read is said as a warning to whoever opened the source.
+    """
+
+    profile: str
+    library: str
+    channels: dict[int, Channel]
+    counts: dict[int, int]
+    start_ns: int
+    end_ns: int
+
+    def messages(
+        self,
+        channels: Collection[int],
+        *,
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+        log_times_ns: NDArray[np.int64] | None = None,
+    ) -> Iterator[RawMessage]:
+        """Yield the channels' messages by log time, in [start, end] or at given log times."""
+
+    def sample(self, channels: Collection[int], *, most: int) -> tuple[Iterator[RawMessage], bool]:
+        """Return messages from at most so many places, and whether these are all that there are.
+
+        The places lie evenly over the recording, its end among them.
+        """
+
+    def close(self) -> None:
+        """Close the files."""
