@@ -4,11 +4,23 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 from tablemap.cli.options import ConfigFile, Debug, Json
+
+
+class ListsFormats(TyperCommand):
+    """A command whose help ends with the formats that there are."""
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:  # click's own, or typer's copy
+        """Write each format's name and description."""
+        from tablemap.export import all_formats
+
+        with formatter.section("Formats"):
+            formatter.write_dl([(each.name, each.description) for each in all_formats().values()])
 
 
 def export(
@@ -17,7 +29,7 @@ def export(
         list[str],
         typer.Option(
             "--to",
-            help="sdf, gazebo, urdf, moveit, nav2, glb, obj, ply, geojson or svg; repeatable.",
+            help="One of the formats below; repeatable.",
             metavar="FORMAT",
         ),
     ],

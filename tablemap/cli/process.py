@@ -46,7 +46,9 @@ def process(
     ] = "tablemap",
     formats: Annotated[
         list[str] | None,
-        typer.Option("--export", help="Write exports/FORMAT too; repeatable.", metavar="FORMAT"),
+        typer.Option(
+            "--export", help="Write exports/FORMAT (below) too; repeatable.", metavar="FORMAT"
+        ),
     ] = None,
     jobs: Annotated[
         int, typer.Option("--jobs", "-j", min=1, help="Recordings processed at once.")

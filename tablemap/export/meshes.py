@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import shapely
-
-from tablemap.export.solid import Part, Solid
-from tablemap.geometry import Floats
-
 if TYPE_CHECKING:
     import trimesh
+
+    from tablemap.export.solid import Part, Solid
+    from tablemap.geometry import Floats
 
 
 def part_mesh(part: Part) -> trimesh.Trimesh:
     """Return the part as a watertight mesh in the table's frame, metres, z up."""
+    import shapely
     from trimesh.creation import extrude_polygon
 
     mesh = extrude_polygon(shapely.Polygon(part.ring()), height=part.shape.height, engine="earcut")

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import json
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-import numpy as np
+if TYPE_CHECKING:
+    from tablemap.export.solid import Solid
+    from tablemap.geometry import Floats
 
-from tablemap.export.solid import Solid
-from tablemap.geometry import Floats
+WORLD = "{name}.world.json"
+"""What the file is called; ``{name}`` is the table's name."""
 
-Z_UP_FROM_Y_UP: Floats = np.array(
-    [[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]], dtype=np.float64
-)
-"""glTF's axes (y up) to REP 103's (z up)."""
+
+def z_up_from_y_up() -> Floats:
+    """Return the (4, 4) turn of glTF's axes (y up) to REP 103's (z up)."""
+    import numpy as np
+
+    return np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]], dtype=np.float64)
 
 
 def placement(solid: Solid, *, file: str, up: Literal["y", "z"] = "z") -> bytes:
@@ -21,10 +25,12 @@ def placement(solid: Solid, *, file: str, up: Literal["y", "z"] = "z") -> bytes:
 
     ``map_from_object`` (4, 4) maps a point as ``file`` holds it into the map, its up axis included.
     """
+    import numpy as np
+
     matrix = solid.map_from_table.lifted()
     matrix[2, 3] = solid.model.floor_z
     if up == "y":
-        matrix = matrix @ Z_UP_FROM_Y_UP
+        matrix = matrix @ z_up_from_y_up()
     pose = solid.map_from_table
     document = {
         "schema": "tablemap/placement/1",

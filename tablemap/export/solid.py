@@ -6,12 +6,11 @@ The table's frame has its origin on the floor under the top's ``pose``, x along 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from tablemap.export.rings import circle_ring, rectangle_ring
-from tablemap.geometry import Floats, Pose2
-from tablemap.model import TableModel
+if TYPE_CHECKING:
+    from tablemap.geometry import Floats, Pose2
+    from tablemap.model import TableModel
 
 
 @dataclass(frozen=True)
@@ -55,6 +54,8 @@ class Part:
 
     def ring(self) -> Floats:
         """Return the outline (N, 2) in the table's frame; round ones within 0.05 mm."""
+        from tablemap.export.rings import circle_ring, rectangle_ring
+
         match self.shape:
             case Box(length, width):
                 ring = rectangle_ring(length, width)
@@ -81,13 +82,3 @@ class Solid:
     def parts(self) -> tuple[Part, ...]:
         """The top, then the legs."""
         return (self.top, *self.legs)
-
-    @property
-    def quaternion(self) -> tuple[float, float, float, float]:
-        """The table's attitude in the map: x, y, z, w."""
-        return quaternion(self.map_from_table.yaw)
-
-
-def quaternion(yaw: float) -> tuple[float, float, float, float]:
-    """Return a turn about z as x, y, z, w."""
-    return 0.0, 0.0, float(np.sin(yaw / 2)), float(np.cos(yaw / 2))

@@ -199,8 +199,8 @@ WRONG = {
     ),
     "process text.mcap --export pdf": (
         2,
-        "tablemap: expected a format of sdf, gazebo, urdf, moveit, nav2, glb, obj, ply, geojson, "
-        "svg; found 'pdf'.",
+        "tablemap: expected a format of gazebo, geojson, glb, moveit, nav2, obj, ply, sdf, svg, "
+        "urdf; found 'pdf'.",
     ),
     "process @none.txt": (2, None),
     "process none.mcap": (1, "tablemap: there is no such file: none.mcap"),
@@ -322,7 +322,7 @@ def test_completion_names_the_commands() -> None:
     assert set(done.stdout.split()) >= set(RUNS)
 
 
-@pytest.mark.parametrize("command", ["--help", "runs --help", "process --help"])
+@pytest.mark.parametrize("command", ["--help", "runs --help", "process --help", "export --help"])
 def test_help_loads_nothing_heavy(command: str) -> None:
     """It is there at once."""
     heavy = {"numpy", "rerun", "open3d", "scipy", "shapely", "mcap", "distributed"}

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from tablemap.config import ExportConfig
+from typing import TYPE_CHECKING
+
 from tablemap.export.meshes import part_mesh
-from tablemap.export.placement import placement
-from tablemap.export.solid import Solid
+from tablemap.export.placement import WORLD, placement
+from tablemap.export.registry import Format
+
+if TYPE_CHECKING:
+    from tablemap.config import ExportConfig
+    from tablemap.export.solid import Solid
 
 
 def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
@@ -16,4 +21,13 @@ def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
     name = f"{solid.name}.ply"
     whole = concatenate([part_mesh(part) for part in solid.parts])
     content: bytes = export_ply(whole, vertex_normal=False)
-    return {name: content, f"{solid.name}.world.json": placement(solid, file=name)}
+    return {name: content, WORLD.format(name=solid.name): placement(solid, file=name)}
+
+
+FORMAT = Format(
+    name="ply",
+    description="a mesh in binary PLY, z up",
+    files=("{name}.ply", WORLD),
+    world=WORLD,
+    write=write,
+)

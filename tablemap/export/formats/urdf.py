@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.etree.ElementTree import Element
 
-from tablemap.config import ExportConfig
 from tablemap.export.meshes import part_mesh
+from tablemap.export.registry import Format
 from tablemap.export.solid import Box, Cylinder, Part, Prism, Solid
 from tablemap.export.text import ANGLE_DECIMALS, child, number, numbers, xml_bytes
+
+if TYPE_CHECKING:
+    from tablemap.config import ExportConfig
 
 
 def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
@@ -65,3 +68,12 @@ def _link_name(solid: Solid) -> str:
 
 def _mesh_name(solid: Solid, part: Part) -> str:
     return f"{solid.name}_{part.name}.stl"
+
+
+FORMAT = Format(
+    name="urdf",
+    description="one link, for robot_description and tf",
+    files=("{name}.urdf", "{name}.world.urdf", "{name}_*.stl"),
+    world="{name}.world.urdf",
+    write=write,
+)

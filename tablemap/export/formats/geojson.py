@@ -7,12 +7,13 @@ that no reference system can be assumed, and ``reference`` names ours.
 from __future__ import annotations
 
 import json
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
+from tablemap.export.registry import Format
 
-from tablemap.config import ExportConfig
-from tablemap.export.solid import Part, Solid
+if TYPE_CHECKING:
+    from tablemap.config import ExportConfig
+    from tablemap.export.solid import Part, Solid
 
 
 def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
@@ -50,6 +51,8 @@ def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
 
 
 def _feature(solid: Solid, part: Part, properties: dict[str, Any]) -> dict[str, Any]:
+    import numpy as np
+
     ring = np.round(solid.map_from_table.apply(part.ring()), 6)
     closed = np.vstack([ring, ring[:1]]) + 0.0
     return {
@@ -58,3 +61,12 @@ def _feature(solid: Solid, part: Part, properties: dict[str, Any]) -> dict[str, 
         "geometry": {"type": "Polygon", "coordinates": [closed.tolist()]},
         "properties": properties,
     }
+
+
+FORMAT = Format(
+    name="geojson",
+    description="outlines for plans and GIS, in local metres",
+    files=("{name}.geojson",),
+    world=None,
+    write=write,
+)

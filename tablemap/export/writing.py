@@ -1,48 +1,19 @@
-"""The registry of formats, and how a model or a run is written in some of them."""
+"""How a model or a run is written in some formats."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from tablemap.config import ExportConfig
-from tablemap.errors import ConfigError, ProcessWarning, TablemapError
-from tablemap.export import (
-    gazebo,
-    geojson,
-    glb,
-    moveit,
-    nav2,
-    obj,
-    ply,
-    sdf,
-    svg,
-    urdf,
-)
-from tablemap.export.building import build
+from tablemap.errors import ProcessWarning, TablemapError
 from tablemap.export.files import write_files
-from tablemap.export.solid import Solid
-from tablemap.model import TableModel
+from tablemap.export.registry import Format, check_formats
 
-Writer = Callable[[Solid, ExportConfig], dict[str, bytes]]
-"""Returns the files of a table by their names under the format's folder; writes nothing."""
-
-FORMATS: dict[str, Writer] = {
-    "sdf": sdf.write,
-    "gazebo": gazebo.write,
-    "urdf": urdf.write,
-    "moveit": moveit.write,
-    "nav2": nav2.write,
-    "glb": glb.write,
-    "obj": obj.write,
-    "ply": ply.write,
-    "geojson": geojson.write,
-    "svg": svg.write,
-}
-
-SINGLE_FILE = ("urdf", "glb", "obj", "ply", "geojson", "svg")
-"""Formats that are one file, whatever lies beside it."""
+if TYPE_CHECKING:
+    from tablemap.config import ExportConfig
+    from tablemap.model import TableModel
 
 
 @dataclass(frozen=True)
@@ -51,18 +22,6 @@ class Exported:
 
     files: tuple[Path, ...]
     warnings: tuple[ProcessWarning, ...]
-
-
-def check_formats(formats: Sequence[str]) -> None:
-    """Raise `ConfigError` where a format is not known."""
-    for name in formats:
-        if name not in FORMATS:
-            raise ConfigError(f"expected a format of {', '.join(FORMATS)}; found {name!r}.")
-
-
-def is_file_of(output: Path, formats: Sequence[str]) -> bool:
-    """Return whether ``output`` names the file of the one format asked for: ``table.glb``."""
-    return list(formats) == [output.suffix[1:]] and formats[0] in SINGLE_FILE
 
 
 def export_model(
@@ -79,16 +38,19 @@ def export_model(
     where it ends as the one format does. Raises `ConfigError` for an unknown format and
     `TablemapError` where the model cannot be exported or a file not be written.
     """
-    check_formats(formats)
+    from tablemap.config import ExportConfig
+    from tablemap.export.building import build
+
+    chosen = check_formats(formats)
     settings = config or ExportConfig()
-    if is_file_of(output, formats):
+    if _is_file(output, chosen):
         solid, warnings = build(model, settings, name=output.stem)
-        return Exported(write_files(output.parent, FORMATS[formats[0]](solid, settings)), warnings)
+        return Exported(write_files(output.parent, chosen[0].write(solid, settings)), warnings)
     solid, warnings = build(model, settings, name=name)
     files = {
-        f"{chosen}/{file}": content
-        for chosen in dict.fromkeys(formats)
-        for file, content in FORMATS[chosen](solid, settings).items()
+        f"{each.name}/{file}": content
+        for each in chosen
+        for file, content in each.write(solid, settings).items()
     }
     return Exported(write_files(output, files), warnings)
 
@@ -106,10 +68,12 @@ def export_run(
     ``exports/`` unless given, and a file there takes the chosen table alone. Raises as
     `export_model`, and where the run left no model.
     """
-    check_formats(formats)
+    from tablemap.model import TableModel
+
+    chosen = check_formats(formats)
     folder, tables = _tables(run)
     target = output or folder / "exports"
-    if is_file_of(target, formats):
+    if _is_file(target, chosen):
         tables = dict(list(tables.items())[:1])
     models = {name: TableModel.load(file) for name, file in tables.items()}
     written = [
@@ -119,6 +83,13 @@ def export_run(
     return Exported(
         tuple(file for exported in written for file in exported.files),
         tuple(dict.fromkeys(w for exported in written for w in exported.warnings)),
+    )
+
+
+def _is_file(output: Path, formats: tuple[Format, ...]) -> bool:
+    """Return whether ``output`` names the file of the one format asked for: ``table.glb``."""
+    return (
+        len(formats) == 1 and formats[0].is_single_file and output.suffix == f".{formats[0].name}"
     )
 
 

@@ -6,13 +6,19 @@ in which things stand on the table.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element
 
-from tablemap.config import ExportConfig
+from tablemap.export.registry import Format
 from tablemap.export.solid import Box, Cylinder, Part, Prism, Solid
 from tablemap.export.text import child, number, numbers, pose_text, xml_bytes
 
+if TYPE_CHECKING:
+    from tablemap.config import ExportConfig
+
 VERSION = "1.6"
+WORLD = "{name}.world.sdf"
+FILES = ("{name}/model.sdf", "{name}/model.config", WORLD)
 
 
 def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
@@ -88,3 +94,12 @@ def _world(solid: Solid) -> Element:
     child(include, "name", solid.name)
     child(include, "pose", pose_text(pose.x, pose.y, solid.model.floor_z, pose.yaw))
     return root
+
+
+FORMAT = Format(
+    name="sdf",
+    description="SDF 1.6 for TU/e's ED",
+    files=FILES,
+    world=WORLD,
+    write=write,
+)

@@ -6,15 +6,17 @@ Sides that were measured are drawn in full, inferred ones dashed, unseen ones do
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element
 
-import numpy as np
-
-from tablemap.config import ExportConfig
-from tablemap.export.solid import Solid
+from tablemap.export.registry import Format
 from tablemap.export.text import ANGLE_DECIMALS, child, number, xml_bytes
-from tablemap.geometry import Floats
-from tablemap.model import TableModel
+
+if TYPE_CHECKING:
+    from tablemap.config import ExportConfig
+    from tablemap.export.solid import Solid
+    from tablemap.geometry import Floats
+    from tablemap.model import TableModel
 
 MARGIN = 60.0
 DASHES = {"measured": "none", "inferred": "24 12", "unseen": "4 10"}
@@ -22,6 +24,8 @@ DASHES = {"measured": "none", "inferred": "24 12", "unseen": "4 10"}
 
 def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
     """Return NAME.svg; its description says where the table stands in the map."""
+    import numpy as np
+
     rings = {part.name: _drawn(part.ring()) for part in solid.parts}
     corners = np.concatenate(list(rings.values()))
     lines = _description(solid.model)
@@ -91,3 +95,12 @@ def _description(model: TableModel) -> list[str]:
     spread = "" if sigma is None else f" ± {1e3 * sigma:.1f}"
     lines.append(f"height {1e3 * surface.height.value:.1f}{spread} mm")
     return lines
+
+
+FORMAT = Format(
+    name="svg",
+    description="a plan from above, one to one",
+    files=("{name}.svg",),
+    world=None,
+    write=write,
+)

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from tablemap.config import ExportConfig
+from typing import TYPE_CHECKING
+
 from tablemap.export.meshes import part_mesh
-from tablemap.export.placement import placement
-from tablemap.export.solid import Solid
+from tablemap.export.placement import WORLD, placement
+from tablemap.export.registry import Format
 from tablemap.export.text import numbers
+
+if TYPE_CHECKING:
+    from tablemap.config import ExportConfig
+    from tablemap.export.solid import Solid
 
 
 def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
@@ -22,5 +27,14 @@ def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
     name = f"{solid.name}.obj"
     return {
         name: ("\n".join(lines) + "\n").encode(),
-        f"{solid.name}.world.json": placement(solid, file=name),
+        WORLD.format(name=solid.name): placement(solid, file=name),
     }
+
+
+FORMAT = Format(
+    name="obj",
+    description="a mesh in Wavefront OBJ, z up",
+    files=("{name}.obj", WORLD),
+    world=WORLD,
+    write=write,
+)

@@ -6,17 +6,18 @@ A cell is occupied as soon as the padded footprint (top and legs) touches it.
 from __future__ import annotations
 
 import io
+from typing import TYPE_CHECKING
 
-import numpy as np
-import shapely
-import yaml
-from numpy.typing import NDArray
-from PIL import Image
-
-from tablemap.config import ExportConfig
 from tablemap.errors import TablemapError
-from tablemap.export.rings import arc_steps
-from tablemap.export.solid import Solid
+from tablemap.export.registry import Format
+
+if TYPE_CHECKING:
+    import numpy as np
+    import shapely
+    from numpy.typing import NDArray
+
+    from tablemap.config import ExportConfig
+    from tablemap.export.solid import Solid
 
 FREE, OCCUPIED = 254, 0
 LARGEST_IMAGE = 20_000_000
@@ -24,6 +25,10 @@ LARGEST_IMAGE = 20_000_000
 
 def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
     """Return NAME.pgm, NAME.yaml (as map_server reads them) and NAME.polygon.yaml."""
+    import numpy as np
+    import yaml
+    from PIL import Image
+
     polygons = footprint(solid, config.padding)
     image, origin = _mask(polygons, config)
     encoded = io.BytesIO()
@@ -55,6 +60,10 @@ def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
 
 def footprint(solid: Solid, padding: float) -> shapely.MultiPolygon:
     """Return top and legs in the map, grown by ``padding`` metres, without holes."""
+    import shapely
+
+    from tablemap.export.rings import arc_steps
+
     rings = [solid.map_from_table.apply(part.ring()) for part in solid.parts]
     united = shapely.union_all([shapely.Polygon(ring) for ring in rings])
     if padding > 0:
@@ -69,6 +78,9 @@ def _mask(
     polygons: shapely.MultiPolygon, config: ExportConfig
 ) -> tuple[NDArray[np.uint8], tuple[float, float]]:
     """Return the image (rows from the top down) and its lower left corner in the map, metres."""
+    import numpy as np
+    import shapely
+
     cell = config.resolution
     west, south, east, north = polygons.bounds
     # The origin on whole cells, so that masks of one resolution lie on one another.
@@ -91,3 +103,12 @@ def _mask(
     )
     image = np.where(occupied[::-1], OCCUPIED, FREE).astype(np.uint8)
     return image, (round(float(first[0] * cell), 9), round(float(first[1] * cell), 9))
+
+
+FORMAT = Format(
+    name="nav2",
+    description="a keep-out mask for Nav2's map_server, and its polygon",
+    files=("{name}.pgm", "{name}.yaml", "{name}.polygon.yaml"),
+    world=None,
+    write=write,
+)

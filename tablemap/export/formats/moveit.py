@@ -5,17 +5,18 @@ The ``.scene`` is in the form that has an object's pose and its subframes (MoveI
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
-import yaml
-
-from tablemap.config import ExportConfig
 from tablemap.export.meshes import part_mesh
-from tablemap.export.solid import Box, Cylinder, Part, Prism, Solid, quaternion
+from tablemap.export.registry import Format
+from tablemap.export.solid import Box, Cylinder, Part, Prism, Solid
 from tablemap.export.text import ANGLE_DECIMALS, number, numbers
 
 if TYPE_CHECKING:
     import trimesh
+
+    from tablemap.config import ExportConfig
 
 BOX, CYLINDER, ADD = 1, 3, 0
 COLOUR = "0.72 0.53 0.34 1"
@@ -26,6 +27,8 @@ Pose = tuple[float, float, float, float]
 
 def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
     """Return NAME.scene and NAME.collision_object.yaml."""
+    import yaml
+
     meshes = {part.name: part_mesh(part) for part in solid.parts if isinstance(part.shape, Prism)}
     # The C dumper is ten times as fast on the vertices of a round top.
     message = yaml.dump(
@@ -76,8 +79,13 @@ def _pose_lines(pose: Pose) -> list[str]:
     x, y, z, yaw = pose
     return [
         numbers((x, y, z)),
-        " ".join(number(value, ANGLE_DECIMALS) for value in quaternion(yaw)),
+        " ".join(number(value, ANGLE_DECIMALS) for value in _quaternion(yaw)),
     ]
+
+
+def _quaternion(yaw: float) -> tuple[float, float, float, float]:
+    """Return a turn about z as x, y, z, w."""
+    return 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)
 
 
 def _message(solid: Solid, meshes: dict[str, trimesh.Trimesh]) -> dict[str, Any]:
@@ -119,5 +127,14 @@ def _mesh(mesh: trimesh.Trimesh) -> dict[str, Any]:
 def _pose_entry(pose: Pose) -> dict[str, dict[str, float]]:
     x, y, z, yaw = pose
     position = {"x": round(x, 6), "y": round(y, 6), "z": round(z, 6)}
-    turn = [round(value, 9) for value in quaternion(yaw)]
+    turn = [round(value, 9) for value in _quaternion(yaw)]
     return {"position": position, "orientation": dict(zip("xyzw", turn, strict=True))}
+
+
+FORMAT = Format(
+    name="moveit",
+    description="MoveIt's planning scene",
+    files=("{name}.scene", "{name}.collision_object.yaml"),
+    world=None,
+    write=write,
+)

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from tablemap.config import ExportConfig
-from tablemap.export.sdf import geometry_element, model_element, model_files
+from typing import TYPE_CHECKING
+
+from tablemap.export.formats.sdf import FILES, WORLD, geometry_element, model_element, model_files
+from tablemap.export.registry import Format
 from tablemap.export.solid import Prism, Solid
 from tablemap.export.text import child, pose_text
+
+if TYPE_CHECKING:
+    from tablemap.config import ExportConfig
 
 
 def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
@@ -22,3 +27,12 @@ def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
             child(element, "pose", pose_text(part.place.x, part.place.y, z, part.place.yaw))
             geometry_element(element, part.shape)
     return model_files(solid, root)
+
+
+FORMAT = Format(
+    name="gazebo",
+    description="SDF 1.6 for Gazebo",
+    files=FILES,
+    world=WORLD,
+    write=write,
+)

@@ -1,0 +1,61 @@
+"""Which formats there are: each module of `tablemap.export.formats` brings its own entry."""
+
+from __future__ import annotations
+
+import pkgutil
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from tablemap.errors import ConfigError
+from tablemap.export import formats
+
+if TYPE_CHECKING:
+    from tablemap.config import ExportConfig
+    from tablemap.export.solid import Solid
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format's entry in the registry.
+
+    ``name``: how users call it; its files go to a folder of this name.
+    ``description``: what the files are for, a few words.
+    ``files``: their names under that folder. ``{name}`` stands for the table's name, ``*`` for a
+    part's: such a file is written where the part needs it.
+    ``world``: the one of ``files`` that places the object in the map. None where there is none.
+    ``write``: returns the content of the files of a table by their names; writes nothing.
+    """
+
+    name: str
+    description: str
+    files: tuple[str, ...]
+    world: str | None
+    write: Callable[[Solid, ExportConfig], dict[str, bytes]]
+
+    @property
+    def is_single_file(self) -> bool:
+        """Whether the format is one file that ends as it is called, whatever lies beside it."""
+        return f"{{name}}.{self.name}" in self.files
+
+
+@cache
+def all_formats() -> Mapping[str, Format]:
+    """Return every format by its name, in the order of the names."""
+    found: dict[str, Format] = {}
+    for module in sorted(pkgutil.iter_modules(formats.__path__), key=lambda module: module.name):
+        entry: Format = import_module(f"{formats.__name__}.{module.name}").FORMAT
+        found[entry.name] = entry
+    return MappingProxyType(found)
+
+
+def check_formats(names: Sequence[str]) -> tuple[Format, ...]:
+    """Return the formats of these names, each once. Raises `ConfigError` where one is not known."""
+    known = all_formats()
+    for name in names:
+        if name not in known:
+            raise ConfigError(f"expected a format of {', '.join(known)}; found {name!r}.")
+    return tuple(known[name] for name in dict.fromkeys(names))
