@@ -9,9 +9,9 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from tablemap.config import LegsConfig
-from tablemap.geometry import Floats
+from tablemap.geometry import Floats, Ints
 from tablemap.stages.legs.scans import Scans
-from tablemap.stages.legs.silhouettes import Ints, Segments
+from tablemap.stages.legs.silhouettes import Segments
 
 _CELL = 0.01
 _APART = 0.04  # two narrow things whose middles are nearer than this are one

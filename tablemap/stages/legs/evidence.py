@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tablemap.config import LegsConfig
-from tablemap.geometry import Floats
+from tablemap.geometry import Floats, Ints
 from tablemap.stages.legs.scans import Scans
-from tablemap.stages.legs.silhouettes import Ints, Segments
+from tablemap.stages.legs.silhouettes import Segments
 
 
 @dataclass(frozen=True, eq=False)

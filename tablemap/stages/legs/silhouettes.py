@@ -6,15 +6,12 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry import Polygon
 
 from tablemap.config import LegsConfig
-from tablemap.geometry import Floats
+from tablemap.geometry import Bools, Floats, Ints
 from tablemap.stages.legs.scans import Scans
 
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 Walls = list[tuple[Floats, float]]
 """Lines in the map: a unit normal (2,) and how far along it the line lies from the origin."""
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tablemap.config import SurfaceConfig
 from tablemap.errors import EstimationError, ProcessWarning
-from tablemap.geometry import Floats, Pose2
+from tablemap.geometry import Bools, Floats, Ints, Pose2
 from tablemap.stages.outline import EdgeKind, Outline, ViewEdges
 from tablemap.stages.registration import Registration
 from tablemap.stages.surface.priors import (
@@ -18,8 +17,6 @@ from tablemap.stages.surface.priors import (
     pose_sigma,
     skew_sigma,
 )
-
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +41,7 @@ class Evidence:
     lever: Floats
     sigma: Floats
     view: Ints
-    is_near: NDArray[np.bool_]
+    is_near: Bools
     poses: Floats
     prior_root: Floats
     views: Ints

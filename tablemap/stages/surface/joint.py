@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tablemap.config import SurfaceConfig
-from tablemap.geometry import Floats
-from tablemap.stages.surface.evidence import Evidence, Ints
+from tablemap.geometry import Floats, Ints
+from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.priors import PER_VIEW
 from tablemap.stages.surface.residuals import (
     Noise,

@@ -7,8 +7,8 @@ import shapely
 from shapely.ops import polygonize, unary_union
 
 from tablemap.config import SurfaceConfig
-from tablemap.geometry import Floats
-from tablemap.stages.surface.evidence import Evidence, Ints
+from tablemap.geometry import Floats, Ints
+from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.shapes.shape import area
 from tablemap.stages.surface.shapes.straight import Polygon, Rectilinear, Sided
 

@@ -8,8 +8,7 @@ from typing import Self
 import numpy as np
 from typing_extensions import override
 
-from tablemap.geometry import Floats
-from tablemap.stages.surface.evidence import Ints
+from tablemap.geometry import Floats, Ints
 from tablemap.stages.surface.shapes.shape import Measure, Shape, unit
 from tablemap.stages.surface.shapes.straight import Rectangle
 

@@ -14,8 +14,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from tablemap.geometry import Floats
-from tablemap.stages.surface.evidence import Ints
+from tablemap.geometry import Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)
