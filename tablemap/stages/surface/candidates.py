@@ -21,12 +21,12 @@ from tablemap.stages.surface.joint import (
     JointFit,
     Spread,
     fit_jointly,
+    measure,
     spread_of,
     unfitted,
-    with_nuisances_of,
 )
 from tablemap.stages.surface.polygons import polygons
-from tablemap.stages.surface.residuals import Noise
+from tablemap.stages.surface.residuals import Noise, State
 from tablemap.stages.surface.shapes.curved import Circle, RoundedRectangle
 from tablemap.stages.surface.shapes.shape import Shape, area
 from tablemap.stages.surface.shapes.straight import Parallelogram, Polygon, Rectangle, Sided, Square
@@ -74,7 +74,7 @@ def fit_candidates(
         if not fits:
             return []
         first = min(fits, key=_raw_cost)
-        return [_settle(first, evidence, config, narrow, assumed)]
+        return [_settle(first.state, evidence, config, narrow, assumed)]
 
     starts = generators(evidence, config, random)
     fits = {kind: best(starts[kind]) for kind in ("circle", "ellipse", "rectangle")}
@@ -90,15 +90,18 @@ def fit_candidates(
         ]
         fits["rounded"] = best(rounded, (wide[1], *narrow))
     simple = [fit for found in fits.values() for fit in found]
-    if simple:
-        placed = min(simple, key=_raw_cost)
+    # The nuisances of a simple shape that fits help the polygons to their places.
+    placed = min(simple, key=_raw_cost, default=None)
+    if placed is not None and _inliers(placed, evidence) > 0.8:
+        nuisances, points, normals = placed.state, placed.points, placed.normals
     else:
-        placed = unfitted(Circle(np.array([0.0, 0.0, 0.5])), evidence)
-    trusted = placed if _inliers(placed, evidence) > 0.8 else unfitted(placed.shape, evidence)
-    shapes = polygons(trusted.points, trusted.normals, evidence, config)
+        nuisances = unfitted(_ANY_SHAPE, evidence)
+        points, normals = evidence.points, evidence.normals
     fits["polygon"] = [
-        _settle(with_nuisances_of(shape, trusted), evidence, config, (wide[1], *narrow), assumed)
-        for shape in _promising(shapes, coarse, trusted, config, wide[1])
+        _settle(replace(nuisances, shape=shape), evidence, config, (wide[1], *narrow), assumed)
+        for shape in _promising(
+            polygons(points, normals, evidence, config), coarse, nuisances, config, wide[1]
+        )
     ]
     return _weighed(list(fits.values()), evidence, config, assumed)
 
@@ -117,14 +120,14 @@ def _weighed(
     for found in fits:
         refined = []
         for fit in found:
-            fit = with_nuisances_of(fit.shape.normalised(), fit)
+            fit = _normalised(fit)
             if _cost(fit, evidence, config) > least + _HOPELESS:
-                fit = _seen_from(fit, evidence, config, noise)
+                fit = measure(fit.state, evidence, config, noise=noise)
             else:
-                fit = _settle(fit, evidence, config, (config.loss_sigmas,), noise)
+                fit = _settle(fit.state, evidence, config, (config.loss_sigmas,), noise)
             if fit.shape.normalised() is not fit.shape:
-                fit = with_nuisances_of(fit.shape.normalised(), fit)
-                fit = _settle(fit, evidence, config, (config.loss_sigmas,), noise)
+                state = _normalised(fit).state
+                fit = _settle(state, evidence, config, (config.loss_sigmas,), noise)
             candidate = _candidate(fit, evidence, config)
             if _is_supported(candidate, config):
                 refined.append(candidate)
@@ -166,8 +169,12 @@ def _unbent(
     return result
 
 
+def _normalised(fit: JointFit) -> JointFit:
+    return replace(fit, state=replace(fit.state, shape=fit.shape.normalised()))
+
+
 def _settle(
-    start: JointFit,
+    start: State,
     evidence: Evidence,
     config: SurfaceConfig,
     gates: tuple[float, ...],
@@ -176,11 +183,11 @@ def _settle(
     """Fit with each loss scale in turn; before each, anchor the sides that nothing holds."""
     if not isinstance(start.shape, Sided):
         return fit_jointly(start, evidence, config, gates=gates, iterations=8, noise=noise)
-    fit = start
+    fit = measure(start, evidence, config, noise=noise)
     for gate in gates:
-        anchors = hold_unseen(_seen_from(fit, evidence, config, noise), evidence, config)
+        anchors = hold_unseen(fit, evidence, config)
         fit = fit_jointly(
-            fit, evidence, config, gates=(gate,), iterations=8, anchors=anchors, noise=noise
+            fit.state, evidence, config, gates=(gate,), iterations=8, anchors=anchors, noise=noise
         )
     return fit
 
@@ -188,7 +195,7 @@ def _settle(
 def _promising(
     shapes: list[Sided],
     coarse: Evidence,
-    trusted: JointFit,
+    nuisances: State,
     config: SurfaceConfig,
     gate: float,
 ) -> list[Sided]:
@@ -196,7 +203,7 @@ def _promising(
     noise = assumed_noise(coarse, config)
     ranked: list[tuple[float, Sided]] = []
     for shape in shapes:
-        start = with_nuisances_of(shape, trusted)
+        start = replace(nuisances, shape=shape)
         fit = _settle(start, coarse, config, (gate, config.loss_sigmas), noise)
         if fit.shape.is_plausible():
             moved = shape.at(fit.shape.parameters)
@@ -207,6 +214,8 @@ def _promising(
 
 # A cost above the least at this distance is a weight of nothing.
 _HOPELESS = 100.0
+
+_ANY_SHAPE = Circle(np.array([0.0, 0.0, 0.5]))
 
 
 def hull_of(evidence: Evidence, points: Floats) -> Floats:
@@ -248,11 +257,6 @@ def _candidate(
     )
 
 
-def _seen_from(fit: JointFit, evidence: Evidence, config: SurfaceConfig, noise: Noise) -> JointFit:
-    """Measure the points against a shape without moving it."""
-    return fit_jointly(fit, evidence, config, gates=(), iterations=0, noise=noise)
-
-
 def _is_supported(candidate: Candidate, config: SurfaceConfig) -> bool:
     """Say whether the evidence can speak for this shape at all.
 
@@ -283,17 +287,17 @@ def _hull_candidate(
     """Take the hull of what was seen as a polygon with as many parameters as it has."""
     if candidates:
         fit = min((candidate.fit for candidate in candidates), key=_raw_cost)
+        nuisances, points = fit.state, fit.points[fit.misfit < 5]
     else:
-        fit = unfitted(Circle(np.array([0.0, 0.0, 0.5])), evidence)
-    inlying = fit.points[fit.misfit < 5] if candidates else fit.points
-    ring = hull_of(evidence, inlying)
+        nuisances, points = unfitted(_ANY_SHAPE, evidence), evidence.points
+    ring = hull_of(evidence, points)
     for tolerance in (0.01, 0.02, 0.04):
         if len(ring) < 3:
             return None
         simple = np.asarray(shapely.Polygon(ring).simplify(tolerance).exterior.coords)[:-1]
         shape = _through(simple if area(simple) > 0 else simple[::-1])
         if shape.is_plausible():
-            measured = _seen_from(with_nuisances_of(shape, fit), evidence, config, noise)
+            measured = measure(replace(nuisances, shape=shape), evidence, config, noise=noise)
             return _candidate(measured, evidence, config, is_hull=True)
     return None
 

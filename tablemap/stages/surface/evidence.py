@@ -11,8 +11,9 @@ from tablemap.errors import EstimationError, ProcessWarning
 from tablemap.geometry import Bools, Floats, Ints, Pose2
 from tablemap.stages.outline import EdgeKind, Outline, ViewEdges
 from tablemap.stages.registration import Registration
+from tablemap.stages.surface.nuisances import CommonNuisances
 from tablemap.stages.surface.priors import (
-    common_sigma,
+    common_sigmas,
     corrections_root,
     pose_sigma,
     skew_sigma,
@@ -23,16 +24,20 @@ from tablemap.stages.surface.priors import (
 class Evidence:
     """Edge points of all views, sorted by view, and the cells of the plane seen as top or free.
 
-    Everything is relative to ``origin`` (2,) in the map, a point amid the table, so that angles and
-    offsets of lines are hardly correlated. ``in_base``, ``normal_in_base`` and ``lever`` (N, 2;
-    from the camera to the point) are in the base of snapshot ``view`` (N,); ``poses`` (n, 3) are
-    all snapshots' x, y, yaw. Their corrections (x, y, yaw, scale of the lever) are ``prior_root``
-    (4n, m) times m independent unit normals. ``top`` and ``free`` (c, 2) are centres of cells of
-    ``cell`` metres. ``spacing_px`` is the typical distance between neighbouring edge points of a
-    view. ``common_mean`` and ``common_sigma`` (6,) are the priors of the nuisances that all views
-    share. ``pose_sigma`` is how well a view's place is known (metres, the views' median),
-    ``skew_sigma`` (radians) by how much the drive may be bent: poses from depth alone share what is
-    systematic about the camera, the laser's do not.
+    Everything is relative to ``origin``, so that angles and offsets of lines are hardly correlated.
+
+    origin: (2,), a point amid the table, in the map, metres
+    in_base, normal_in_base: (N, 2), edge points and outward normals in the base of their view
+    lever: (N, 2), from the camera to the point, in the base of its view, metres
+    view: (N,), snapshot of each point
+    poses: (n, 3), x, y, yaw of all snapshots
+    prior_root: (n * ViewCorrections.COUNT, m), times m independent unit normals: corrections
+    top, free: (c, 2), centres of cells of ``cell`` metres
+    spacing_px: typical distance between neighbouring edge points of a view, pixels
+    common_mean, common_sigma: (CommonNuisances.COUNT,), priors of what all views share
+    pose_sigma: how well the place of a view is known, metres, the median of the views
+    skew_sigma: by how much the drive may be bent, radians; poses from depth alone share the
+        camera's systematic errors, the laser's do not
     """
 
     origin: Floats
@@ -144,8 +149,8 @@ def gather(
         spacing_px=_spacing(views, parts),
         points=place(in_base, index, poses),
         normals=turn(normal, poses[index, 2]),
-        common_mean=np.zeros(6),
-        common_sigma=common_sigma(outline, registration, config),
+        common_mean=CommonNuisances().pack(),
+        common_sigma=common_sigmas(outline, registration, config).pack(),
         pose_sigma=pose_sigma(registration),
         skew_sigma=skew_sigma(registration, poses),
     )

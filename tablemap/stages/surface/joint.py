@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from tablemap.config import SurfaceConfig
 from tablemap.geometry import Floats, Ints
 from tablemap.stages.surface.evidence import Evidence
-from tablemap.stages.surface.priors import PER_VIEW
+from tablemap.stages.surface.nuisances import CommonNuisances, ViewCorrections
 from tablemap.stages.surface.residuals import (
     Noise,
     Residuals,
@@ -38,21 +38,17 @@ class Anchor:
 
 @dataclass(frozen=True, eq=False)
 class JointFit:
-    """A shape fitted together with its nuisances.
+    """A shape fitted together with its nuisances, and the edge points measured against it.
 
-    ``whitened`` (m,) are the views' corrections in units of their prior, ``common`` (6,) what all
-    views share: the depth scale, the outward bias of near and of far edges (in sigmas of a point),
-    the camera's shift in the base (x, y metres), for what the registration calls systematic, and
-    how far within the outline far edges end (metres).
-    ``points`` (N, 2), with the nuisances applied, have residuals ``distance`` (N,) metres to
-    side ``side`` (N,); ``misfit`` (N,) is the residual over its sigma, endings and wrong normals
-    included. ``data_cost`` is the sum of robust squared residuals, not divided by kappa;
-    ``prior_cost`` that of the nuisances and the anchors.
+    state: the shape and the nuisances
+    points, normals: (N, 2), with the nuisances applied
+    distance: (N,), metres to the side ``side`` (N,); -1 where a point belongs to none
+    misfit: (N,), the residual over its sigma, endings and wrong normals included
+    data_cost: sum of robust squared residuals, not divided by kappa
+    prior_cost: what the nuisances and the anchors cost
     """
 
-    shape: Shape
-    whitened: Floats
-    common: Floats
+    state: State
     points: Floats
     normals: Floats
     distance: Floats
@@ -62,6 +58,16 @@ class JointFit:
     data_cost: float
     prior_cost: float
     noise: Noise
+
+    @property
+    def shape(self) -> Shape:
+        """The fitted shape."""
+        return self.state.shape
+
+    @property
+    def nuisances(self) -> CommonNuisances:
+        """What all views share."""
+        return CommonNuisances.unpack(self.state.common)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +94,7 @@ class _Held:
 
 
 def fit_jointly(
-    start: JointFit,
+    start: State,
     evidence: Evidence,
     config: SurfaceConfig,
     *,
@@ -102,9 +108,8 @@ def fit_jointly(
     ``gates`` are the loss's scales in sigmas, wide to narrow (graduated non-convexity, Yang et al.,
     RA-L 2020); ``iterations`` is spent on each.
     """
-    state = State(start.shape, start.whitened, start.common)
+    state, now, gate = start, None, None
     damping = 1e-4
-    now, gate = None, None
     for gate in gates:
         now = _hold(state, evidence, config, gate, anchors, noise)
         equations = None
@@ -129,10 +134,17 @@ def fit_jointly(
         damping = min(damping, 1e-4)
     if now is None or gate != config.loss_sigmas:
         now = _hold(state, evidence, config, config.loss_sigmas, anchors, noise)
+    return _measured(now, anchors, noise)
+
+
+def measure(state: State, evidence: Evidence, config: SurfaceConfig, *, noise: Noise) -> JointFit:
+    """Measure the points against a shape without moving it."""
+    return _measured(_hold(state, evidence, config, config.loss_sigmas, (), noise), (), noise)
+
+
+def _measured(now: _Held, anchors: tuple[Anchor, ...], noise: Noise) -> JointFit:
     return JointFit(
-        shape=now.seen.state.shape,
-        whitened=now.seen.state.whitened,
-        common=now.seen.state.common,
+        state=now.seen.state,
         points=now.seen.points,
         normals=now.seen.normals,
         distance=now.seen.measure.distance,
@@ -145,34 +157,16 @@ def fit_jointly(
     )
 
 
-def unfitted(shape: Shape, evidence: Evidence) -> JointFit:
-    """Make a start of a shape, with no nuisance applied."""
-    count = len(evidence.in_base)
-    return JointFit(
-        shape=shape,
-        whitened=np.zeros(evidence.prior_root.shape[1]),
-        common=evidence.common_mean,
-        points=evidence.points,
-        normals=evidence.normals,
-        distance=np.zeros(count),
-        misfit=np.zeros(count),
-        side=np.full(count, -1, dtype=np.int64),
-        anchors=(),
-        data_cost=np.inf,
-        prior_cost=0.0,
-        noise=Noise(1.0, 1.0, 1.0),
-    )
-
-
-def with_nuisances_of(shape: Shape, other: JointFit) -> JointFit:
-    """Start a shape from the nuisances of another fit."""
-    return replace(other, shape=shape)
+def unfitted(shape: Shape, evidence: Evidence) -> State:
+    """Start a shape with no nuisance applied."""
+    whitened = np.zeros(evidence.prior_root.shape[1])
+    return State(shape=shape, whitened=whitened, common=evidence.common_mean)
 
 
 def corrected_poses(fit: JointFit, evidence: Evidence) -> Floats:
     """Return all snapshots' poses (n, 3) as the fit has them, relative to the origin."""
-    correction = (evidence.prior_root @ fit.whitened).reshape(-1, PER_VIEW)[:, :3]
-    return evidence.poses + correction
+    correction = ViewCorrections.unpack(evidence.prior_root @ fit.state.whitened)
+    return evidence.poses + correction.poses
 
 
 def spread_of(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> Spread:
@@ -180,8 +174,7 @@ def spread_of(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> Sprea
 
     The nuisances' block is eliminated first (Schur), so that the shape's is regular with the ridge.
     """
-    state = State(fit.shape, fit.whitened, fit.common)
-    held = _hold(state, evidence, config, config.loss_sigmas, fit.anchors, fit.noise)
+    held = _hold(fit.state, evidence, config, config.loss_sigmas, fit.anchors, fit.noise)
     hessian, _ = _equations(held, evidence, config.loss_sigmas, fit.anchors, fit.noise)
     size = len(fit.shape.parameters)
     at = np.arange(size)
@@ -190,10 +183,11 @@ def spread_of(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> Sprea
     reduced = hessian[:size, :size] - coupling @ np.linalg.solve(hessian[size:, size:], coupling.T)
     values, vectors = np.linalg.eigh((reduced + reduced.T) / 2)
     covariance: Floats = (vectors / np.maximum(values, _RIDGE)) @ vectors.T
+    scale = size + CommonNuisances.place("scale")
     unit = np.zeros(len(hessian))
-    unit[size] = 1.0
+    unit[scale] = 1.0
     with_scale = np.linalg.solve(hessian, unit)
-    variance = max(float(with_scale[size]), 1e-18)
+    variance = max(float(with_scale[scale]), 1e-18)
     by_scale = np.asarray(with_scale[:size] / variance, dtype=np.float64)
     return Spread(covariance, float(np.sqrt(variance)), by_scale)
 

@@ -8,8 +8,7 @@ from tablemap.config import SurfaceConfig
 from tablemap.geometry import Floats
 from tablemap.stages.outline import Outline, ViewEdges
 from tablemap.stages.registration import Registration
-
-PER_VIEW = 4  # a view's own corrections: x, y, yaw, and the scale of what lies before its camera
+from tablemap.stages.surface.nuisances import CommonNuisances, ViewCorrections
 
 
 def pose_sigma(registration: Registration) -> float:
@@ -25,8 +24,10 @@ def skew_sigma(registration: Registration, poses: Floats) -> float:
     return registration.systematic / max(float(np.hypot(*poses[:, :2].T).mean()), 0.1)
 
 
-def common_sigma(outline: Outline, registration: Registration, config: SurfaceConfig) -> Floats:
-    """Return the (6,) priors of the nuisances that all views share.
+def common_sigmas(
+    outline: Outline, registration: Registration, config: SurfaceConfig
+) -> CommonNuisances:
+    """Return the prior standard deviations of the nuisances that all views share.
 
     The depth scale is known as well as the calibration left it, the camera's height in TF trusted
     (`scale.settle_scale` doubts that). What the registration bounds as systematic acts as a camera
@@ -37,8 +38,14 @@ def common_sigma(outline: Outline, registration: Registration, config: SurfaceCo
     scale = config.scale_sigma if outline.scale is None else outline.scale.sigma_trusting
     shift = max(registration.systematic / config.systematic_sigmas, 1e-6)
     set_back = config.rim_set_back if outline.is_dull else config.edge_set_back
-    near, far = config.near_bias_sigma, config.far_bias_sigma
-    return np.array([max(scale, 1e-6), near, far, shift, shift, max(set_back, 1e-6)])
+    return CommonNuisances(
+        scale=max(scale, 1e-6),
+        near_bias=config.near_bias_sigma,
+        far_bias=config.far_bias_sigma,
+        shift_x=shift,
+        shift_y=shift,
+        set_back=max(set_back, 1e-6),
+    )
 
 
 def corrections_root(
@@ -57,14 +64,15 @@ def corrections_root(
     drive[:, 2] = 0.0
     is_laser = registration.source == "laser"
     drive *= config.laser_scale_sigma if is_laser else config.drive_scale_sigma
-    own = np.zeros((count, PER_VIEW, len(views)))
-    own[[view.index for view in views], 3, np.arange(len(views))] = [
+    size, scale = ViewCorrections.COUNT, ViewCorrections.place("scale")
+    own = np.zeros((count, size, len(views)))
+    own[[view.index for view in views], scale, np.arange(len(views))] = [
         view.scale_sigma for view in views
     ]
-    moved = np.zeros((count, PER_VIEW, pose_root.shape[1] + 1))
+    moved = np.zeros((count, size, pose_root.shape[1] + 1))
     moved[:, :3, :-1] = pose_root.reshape(count, 3, -1)
     moved[:, :3, -1] = drive
-    root = np.concatenate([moved, own], axis=2).reshape(PER_VIEW * count, -1)
+    root = np.concatenate([moved, own], axis=2).reshape(size * count, -1)
     kept: Floats = root[:, np.abs(root).max(axis=0) > 0]
     return kept
 

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from tablemap.config import SurfaceConfig
 from tablemap.geometry import Floats
 from tablemap.stages.surface.evidence import Evidence
-from tablemap.stages.surface.priors import PER_VIEW
+from tablemap.stages.surface.nuisances import CommonNuisances, ViewCorrections
 from tablemap.stages.surface.shapes.shape import Measure, Shape
 
-COMMON = 6  # nuisances that all views share
 _STRAY = 1e6  # the misfit, in sigmas, of a point that belongs to no side
 
 
@@ -35,19 +34,26 @@ class Noise:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """What is solved for: the shape, and the nuisances as `JointFit` describes them."""
+    """What is solved for, and where a fit starts.
+
+    shape: its parameters (k,) come first in the equations
+    common: `CommonNuisances` (c,)
+    whitened: (m,), the views' corrections in units of their prior: ``Evidence.prior_root`` times it
+        are `ViewCorrections`
+    """
 
     shape: Shape
     whitened: Floats
     common: Floats
 
     def moved(self, step: Floats) -> State:
-        """Return the state less a step (k + COMMON + m,) in that order."""
+        """Return the state less a step (k + c + m,): shape, common, whitened."""
         size = len(self.shape.parameters)
+        end = size + CommonNuisances.COUNT
         return State(
-            self.shape.at(self.shape.parameters - step[:size]),
-            self.whitened - step[size + COMMON :],
-            self.common - step[size : size + COMMON],
+            shape=self.shape.at(self.shape.parameters - step[:size]),
+            whitened=self.whitened - step[end:],
+            common=self.common - step[size:end],
         )
 
 
@@ -76,17 +82,20 @@ class Residuals:
 
 def observe(state: State, evidence: Evidence, config: SurfaceConfig, noise: Noise) -> Residuals:
     """Place all edge points as a state has it and measure them against its shape."""
-    correction = (evidence.prior_root @ state.whitened).reshape(-1, PER_VIEW)
-    poses = evidence.poses + correction[:, :3]
-    view, common = evidence.view, state.common
+    correction = ViewCorrections.unpack(evidence.prior_root @ state.whitened)
+    common = CommonNuisances.unpack(state.common)
+    poses = evidence.poses + correction.poses
+    view = evidence.view
     cosine, sine = np.cos(poses[:, 2])[view], np.sin(poses[:, 2])[view]
-    scale = (common[0] + correction[:, 3])[view]
+    scale = (common.scale + correction.scale)[view]
     outward = np.where(
-        evidence.is_near, common[1] * evidence.sigma, common[2] * evidence.sigma - common[5]
+        evidence.is_near,
+        common.near_bias * evidence.sigma,
+        common.far_bias * evidence.sigma - common.set_back,
     )
     local = evidence.in_base + scale[:, None] * evidence.lever
     local -= outward[:, None] * evidence.normal_in_base
-    local += common[3:5]
+    local += np.array([common.shift_x, common.shift_y])
     points = _turned(local, cosine, sine) + poses[view, :2]
     normals = _turned(evidence.normal_in_base, cosine, sine)
     measure = state.shape.measure(points, normals)
@@ -132,10 +141,16 @@ def linearise(
     by_scale -= distance / seen.stretch
     by_turn = leftward * seen.local[:, 0] - forward * seen.local[:, 1]
     outward = -seen.facing * evidence.sigma
-    near, far = np.where(evidence.is_near, outward, 0.0), np.where(evidence.is_near, 0.0, outward)
-    set_back = np.where(evidence.is_near, 0.0, seen.facing)
-    rows = np.vstack([seen.measure.jacobian.T, by_scale, near, far, forward, leftward, set_back])
-    by_view = np.stack([normal[:, 0], normal[:, 1], by_turn, by_scale])
+    by_common = CommonNuisances.stack(
+        scale=by_scale,
+        near_bias=np.where(evidence.is_near, outward, 0.0),
+        far_bias=np.where(evidence.is_near, 0.0, outward),
+        shift_x=forward,
+        shift_y=leftward,
+        set_back=np.where(evidence.is_near, 0.0, seen.facing),
+    )
+    by_view = ViewCorrections.stack(x=normal[:, 0], y=normal[:, 1], yaw=by_turn, scale=by_scale)
+    rows = np.vstack([seen.measure.jacobian.T, by_common])
 
     size = len(rows)
     root = evidence.prior_root
@@ -145,8 +160,8 @@ def linearise(
     hessian[:size, :size] = weighted @ rows.T
     gradient[:size] = weighted @ distance
     heavy = by_view * weight
-    own = np.zeros((len(evidence.poses), PER_VIEW, PER_VIEW))
-    cross = np.zeros((len(evidence.poses), PER_VIEW, size + 1))
+    own = np.zeros((len(evidence.poses), len(by_view), len(by_view)))
+    cross = np.zeros((len(evidence.poses), len(by_view), size + 1))
     for index, part in zip(evidence.views, evidence.view_slices, strict=True):
         own[index] = heavy[:, part] @ by_view[:, part].T
         cross[index, :, :size] = heavy[:, part] @ rows[:, part].T
@@ -157,7 +172,7 @@ def linearise(
     moved = np.matmul(own, root.reshape(*own.shape[:2], root.shape[1]))
     hessian[size:, size:] = root.T @ moved.reshape(root.shape)
 
-    at = np.arange(size - COMMON, size)
+    at = np.arange(size - CommonNuisances.COUNT, size)
     hessian[at, at] += evidence.common_sigma**-2.0
     gradient[at] += (seen.state.common - evidence.common_mean) / evidence.common_sigma**2
     at = np.arange(size, total)

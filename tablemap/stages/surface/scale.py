@@ -20,6 +20,7 @@ from tablemap.stages.outline import Outline
 from tablemap.stages.surface.candidates import Candidate
 from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.joint import fit_jointly, spread_of
+from tablemap.stages.surface.nuisances import CommonNuisances
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ def settle_scale(
     millimetre, else within what the calibration allows. An estimate moves little for weak evidence,
     and its sigma admits both.
     """
-    trusting = float(evidence.common_sigma[0])
+    trusting = CommonNuisances.unpack(evidence.common_sigma).scale
     wide = trusting if outline.scale is None else max(outline.scale.sigma, trusting)
     open_prior = _with_prior(evidence, 0.0, max(wide, _LOOSE * trusting))
     gates = (config.loss_sigmas,)
@@ -54,7 +55,7 @@ def settle_scale(
 
     def again(prior: Evidence, start: Candidate) -> Candidate:
         refit = fit_jointly(
-            start.fit,
+            start.fit.state,
             prior,
             config,
             gates=gates,
@@ -66,9 +67,9 @@ def settle_scale(
 
     loose = again(open_prior, candidate)
     belief = believe(
-        float(loose.fit.common[0]),
+        loose.fit.nuisances.scale,
         loose.spread.scale_sigma,
-        under=float(open_prior.common_sigma[0]),
+        under=CommonNuisances.unpack(open_prior.common_sigma).scale,
         trusting=trusting,
         wide=wide,
         config=config,
@@ -85,9 +86,9 @@ _LOOSE = 2.0
 
 
 def _with_prior(evidence: Evidence, mean: float, sigma: float) -> Evidence:
-    common_mean, common_sigma = evidence.common_mean.copy(), evidence.common_sigma.copy()
-    common_mean[0], common_sigma[0] = mean, sigma
-    return replace(evidence, common_mean=common_mean, common_sigma=common_sigma)
+    means = replace(CommonNuisances.unpack(evidence.common_mean), scale=mean)
+    sigmas = replace(CommonNuisances.unpack(evidence.common_sigma), scale=sigma)
+    return replace(evidence, common_mean=means.pack(), common_sigma=sigmas.pack())
 
 
 def believe(

@@ -1,0 +1,95 @@
+"""What the joint fit solves for beside the shape: errors of the camera and of the views' poses.
+
+A nuisance has a name here and nowhere a number: its place in the vectors of the fit follows from
+the order of the fields.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import ClassVar, Self
+
+import numpy as np
+
+from tablemap.geometry import Floats
+
+
+@dataclass(frozen=True)
+class CommonNuisances:
+    """What all views share.
+
+    scale: depth scale less one, after the calibration; a share
+    near_bias, far_bias: outward bias of near and of far edges, in sigmas of a point
+    shift_x, shift_y: shift of the camera in the base, metres
+    set_back: how far within the outline far edges end, metres
+    """
+
+    scale: float = 0.0
+    near_bias: float = 0.0
+    far_bias: float = 0.0
+    shift_x: float = 0.0
+    shift_y: float = 0.0
+    set_back: float = 0.0
+
+    COUNT: ClassVar[int]
+
+    @classmethod
+    def unpack(cls, values: Floats) -> Self:
+        """Name the values of a vector (COUNT,)."""
+        return cls(*(float(value) for value in values))
+
+    def pack(self) -> Floats:
+        """Return the vector (COUNT,) in the order of the fields."""
+        return np.array([getattr(self, field.name) for field in fields(self)])
+
+    @classmethod
+    def place(cls, name: str) -> int:
+        """Return the place of a nuisance in the vector."""
+        return [field.name for field in fields(cls)].index(name)
+
+    @classmethod
+    def stack(cls, **rows: Floats) -> Floats:
+        """Stack one row (N,) a nuisance, given by name, to (COUNT, N)."""
+        return np.vstack([rows[field.name] for field in fields(cls)])
+
+
+CommonNuisances.COUNT = len(fields(CommonNuisances))
+
+
+@dataclass(frozen=True, eq=False)
+class ViewCorrections:
+    """What each of n views has for itself, each (n,).
+
+    x, y, yaw: correction of the base's pose, metres and radians
+    scale: depth scale of this view beside the common one, a share
+    """
+
+    x: Floats
+    y: Floats
+    yaw: Floats
+    scale: Floats
+
+    COUNT: ClassVar[int]
+
+    @classmethod
+    def unpack(cls, values: Floats) -> Self:
+        """Name the columns of values (n * COUNT,), view by view."""
+        return cls(*values.reshape(-1, cls.COUNT).T)
+
+    @property
+    def poses(self) -> Floats:
+        """The corrections of the poses (n, 3)."""
+        return np.column_stack([self.x, self.y, self.yaw])
+
+    @classmethod
+    def place(cls, name: str) -> int:
+        """Return the place of a correction within a view's."""
+        return [field.name for field in fields(cls)].index(name)
+
+    @classmethod
+    def stack(cls, **rows: Floats) -> Floats:
+        """Stack one row (N,) a correction, given by name, to (COUNT, N)."""
+        return np.stack([rows[field.name] for field in fields(cls)])
+
+
+ViewCorrections.COUNT = len(fields(ViewCorrections))
