@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from typing import Literal
 
 from threadpoolctl import threadpool_limits
@@ -16,7 +16,7 @@ from tablemap.errors import EstimationError
 from tablemap.events import OtherTable, Record, StageFinished, StageStarted, ignore, of_table
 from tablemap.model import TableModel
 from tablemap.recording import Recording
-from tablemap.stages.assembly import assemble
+from tablemap.stages.assembly import Findings, assemble
 from tablemap.stages.calibration import calibrate
 from tablemap.stages.crosscheck import admitted_legs, corrected, cross_check
 from tablemap.stages.legs import Legs, find_legs
@@ -24,7 +24,7 @@ from tablemap.stages.legs.adjoining import find_adjoining, without
 from tablemap.stages.odometry import Trajectory, estimate_odometry
 from tablemap.stages.outline import Outline, find_edges
 from tablemap.stages.registration import register
-from tablemap.stages.segmentation import Segmentation, segment
+from tablemap.stages.segmentation import Segmentation, TableCandidate, segment
 from tablemap.stages.snapshots import take_snapshots
 from tablemap.stages.surface import Surface, fit_surface
 
@@ -37,6 +37,7 @@ STAGES = (
     "outline",
     "surface",
     "legs",
+    "crosscheck",
 )
 
 Tables = Literal["best", "all"] | tuple[float, float]
@@ -67,88 +68,112 @@ def process(
 
 def _process(recording: Recording, config: Config, tables: Tables, record: Record) -> Processed:
     stage = stages(record)
+    near = tables if isinstance(tables, tuple) else None
 
+    # Where the robot stood, and what its camera saw there.
     with stage("snapshots"):
         taken = take_snapshots(recording, config=config.snapshots)
         record(taken)
 
+    # The floor gives away the camera's tilt and the scale of its depth.
     with stage("calibration"):
         calibration = calibrate(taken.snapshots, config=config.calibration)
         record(calibration)
         snapshots = calibration.snapshots
 
+    # Which of the horizontal surfaces is the table, and which pixels show it.
     with stage("segmentation"):
-        near = tables if isinstance(tables, tuple) else None
         segmentation = segment(snapshots, config=config.segmentation, near=near, record=record)
         record(segmentation)
 
+    # KISS-ICP over the laser's scans of the whole drive.
     with stage("odometry"):
         odometry = estimate_odometry(recording, snapshots, config=config.odometry, record=record)
         record(odometry)
 
     @cache
     def edges(segmentation: Segmentation) -> Outline:
-        # Within each view, so before its stage too: without a laser they are what is registered.
         return find_edges(snapshots, segmentation, config=config.outline, calibration=calibration)
 
+    # Pairwise ICP, a pose graph and a joint polish place the stops to a millimetre. Without a laser
+    # the table's edges are what is registered.
     with stage("registration"):
         registration = register(
             recording,
             snapshots,
             odometry,
-            edges=partial(edges, segmentation),
+            edges=lambda: edges(segmentation),
             config=config.registration,
             record=record,
         )
         record(registration)
 
     def model(segmentation: Segmentation, record: Record) -> TableModel:
-        def fitted(outline: Outline) -> Surface:
-            surface = fit_surface(outline, registration, config=config.surface, seed=config.seed)
-            record(surface)
-            return surface
-
-        def carried(surface: Surface) -> Legs:
-            return find_legs(recording, snapshots, registration, surface, config=config.legs)
-
+        # Where the top ends in each view, and what made each edge point.
         with stage("outline"):
             outline = edges(segmentation)
             record(outline)
 
+        # The shape that explains the edges of all views.
         with stage("surface"):
-            surface = fitted(outline)
+            surface = fit(outline, record)
 
+        # What stands under the top. A piece of furniture that touches the top at its own height
+        # stands on legs of its own: it is taken off.
         with stage("legs"):
-            legs = carried(surface)
+            legs = stand(surface)
             adjoining = find_adjoining(surface, legs, near=near)
             if adjoining is not None:
                 outline = without(outline, adjoining, registration.map_from_base)
-                surface = fitted(outline)
-                legs = carried(surface)
+                surface = fit(outline, record)
+                legs = stand(surface)
+            record(legs)
+
+        # Camera against laser, by what both see. Where they disagree, what the camera saw is moved
+        # to where the laser asks it to be.
+        with stage("crosscheck"):
             cross = cross_check(
                 outline, surface, registration, legs.legs, snapshots, config=config.crosscheck
             )
             record(cross)
             if cross.is_found:
-                # What the camera saw is moved to where the laser asks it to be, and fitted again.
                 outline = corrected(outline, cross)
-                surface = fitted(outline)
-                legs = carried(surface)
+                surface = fit(outline, record)
+                legs = stand(surface)
             legs = admitted_legs(legs, cross, surface, registration)
             record(legs)
 
         return assemble(
-            recording,
-            taken,
-            calibration,
-            segmentation,
-            odometry,
-            registration,
-            outline,
-            surface,
-            cross,
-            legs,
+            Findings(
+                recording=recording,
+                taken=taken,
+                calibration=calibration,
+                segmentation=segmentation,
+                odometry=odometry,
+                registration=registration,
+                outline=outline,
+                surface=surface,
+                cross=cross,
+                legs=legs,
+            )
         )
+
+    def fit(outline: Outline, record: Record) -> Surface:
+        surface = fit_surface(outline, registration, config=config.surface, seed=config.seed)
+        record(surface)
+        return surface
+
+    def stand(surface: Surface) -> Legs:
+        return find_legs(recording, snapshots, registration, surface, config=config.legs)
+
+    def other(candidate: TableCandidate, number: int) -> TableModel | str:
+        if candidate.reason is not None:
+            return f"it is hardly a table: {candidate.reason}"
+        try:
+            segmentation = segment(snapshots, config=config.segmentation, candidate=candidate)
+            return model(segmentation, of_table(number, record))
+        except EstimationError as error:
+            return str(error)
 
     chosen = model(segmentation, record)
     record(chosen)
@@ -156,13 +181,7 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
     if tables == "all":
         beside = [candidate for candidate in segmentation.candidates if not candidate.chosen]
         for number, candidate in enumerate(beside, start=1):
-            try:
-                if candidate.reason is not None:
-                    raise EstimationError(f"it is hardly a table: {candidate.reason}")
-                other = segment(snapshots, config=config.segmentation, candidate=candidate)
-                others.append(OtherTable(number, model(other, of_table(number, record))))
-            except EstimationError as error:
-                others.append(OtherTable(number, str(error)))
+            others.append(OtherTable(number, other(candidate, number)))
             record(others[-1])
     return Processed(chosen, tuple(others), registration.trajectory)
 

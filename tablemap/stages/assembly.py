@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,43 +24,44 @@ from tablemap.stages.surface import Figure, Surface
 _CREDIBLE_SIGMAS = 2.0  # of the registration, RMS over all corrections
 
 
-def assemble(
-    recording: Recording,
-    taken: Snapshots,
-    calibration: Calibration,
-    segmentation: Segmentation,
-    odometry: Odometry,
-    registration: Registration,
-    outline: Outline,
-    surface: Surface,
-    cross: CrossCheck,
-    legs: Legs,
-) -> m.TableModel:
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """What every stage found about one table."""
+
+    recording: Recording
+    taken: Snapshots
+    calibration: Calibration
+    segmentation: Segmentation
+    odometry: Odometry
+    registration: Registration
+    outline: Outline
+    surface: Surface
+    cross: CrossCheck
+    legs: Legs
+
+
+def assemble(found: Findings) -> m.TableModel:
     """Make the `TableModel` of all stages' results, their warnings in the order of the stages."""
-    poses = best_poses(registration, surface)
-    snapshots = tuple(
-        [
-            _snapshot(snapshot, segmentation, registration, poses, cross)
-            for snapshot in taken.snapshots
-        ]
-    )
+    poses = best_poses(found.registration, found.surface)
+    snapshots = tuple(_snapshot(snapshot, found, poses) for snapshot in found.taken.snapshots)
     warnings = [
-        *recording.warnings,
-        *_set_aside(taken, snapshots, registration, legs),
-        *calibration.warnings,
-        *segmentation.warnings,
-        *odometry.warnings,
-        *registration.warnings,
-        *outline.warnings,
-        *surface.warnings,
-        *cross.warnings,
-        *legs.warnings,
+        *found.recording.warnings,
+        *_set_aside(found, snapshots),
+        *found.calibration.warnings,
+        *found.segmentation.warnings,
+        *found.odometry.warnings,
+        *found.registration.warnings,
+        *found.outline.warnings,
+        *found.surface.warnings,
+        *found.cross.warnings,
+        *found.legs.warnings,
     ]
+    calibration = found.calibration
     return m.TableModel(
-        frame=recording.names.fixed,
+        frame=found.recording.names.fixed,
         floor_z=calibration.floor_z,
-        surface=_surface(surface),
-        legs=tuple(_leg(leg) for leg in legs.legs),
+        surface=_surface(found.surface),
+        legs=tuple(_leg(leg) for leg in found.legs.legs),
         snapshots=snapshots,
         calibration=m.CalibrationEntry(
             roll=calibration.roll,
@@ -67,7 +69,7 @@ def assemble(
             depth_scale=calibration.depth_scale,
             sigma=_three(np.sqrt(np.diag(calibration.covariance))),
         ),
-        verdict=judge(warnings, surface=surface, registration=registration),
+        verdict=judge(warnings, surface=found.surface, registration=found.registration),
         warnings=tuple(
             m.WarningEntry(code=w.code, stage=w.stage, message=w.message, stamp_ns=w.stamp_ns)
             for w in warnings
@@ -75,17 +77,12 @@ def assemble(
     )
 
 
-def _set_aside(
-    taken: Snapshots,
-    snapshots: tuple[m.SnapshotPose, ...],
-    registration: Registration,
-    legs: Legs,
-) -> Iterator[ProcessWarning]:
+def _set_aside(found: Findings, snapshots: tuple[m.SnapshotPose, ...]) -> Iterator[ProcessWarning]:
     """Say how much of each kind was not used, and why; the review shows each one."""
-    images = [(each.reason, each.stamp_ns) for each in taken.set_aside]
+    images = [(each.reason, each.stamp_ns) for each in found.taken.set_aside]
     views = [(view.reason, view.stamp_ns) for view in snapshots if view.reason is not None]
-    pairs = [(pair.reason or "", None) for pair in registration.pairs if not pair.used]
-    things = [(each.reason, None) for each in legs.rejected]
+    pairs = [(pair.reason or "", None) for pair in found.registration.pairs if not pair.used]
+    things = [(each.reason, None) for each in found.legs.rejected]
     for code, noun, entries in (
         ("snapshots.set_aside", "image", images),
         ("snapshots.unused", "view", views),
@@ -195,20 +192,17 @@ def best_poses(registration: Registration, surface: Surface) -> dict[int, Pose2]
     return {**registered, **corrected}
 
 
-def _snapshot(
-    snapshot: Snapshot,
-    segmentation: Segmentation,
-    registration: Registration,
-    poses: dict[int, Pose2],
-    cross: CrossCheck,
-) -> m.SnapshotPose:
-    i = snapshot.index
-    view, check = segmentation.views[i], registration.checks[i] if registration.checks else None
+def _snapshot(snapshot: Snapshot, found: Findings, poses: dict[int, Pose2]) -> m.SnapshotPose:
+    i, registration = snapshot.index, found.registration
+    view, check = (
+        found.segmentation.views[i],
+        registration.checks[i] if registration.checks else None,
+    )
     pose = poses[i]
     variances = np.diag(registration.covariance)[3 * i : 3 * i + 3]
     middle = np.mean([each.translation for each in registration.map_from_base], axis=0)
     stretch = registration.stretch_sigma * float(np.linalg.norm(pose.translation - middle))
-    systematic = cross.pose_sigma**2 + stretch**2 / 2
+    systematic = found.cross.pose_sigma**2 + stretch**2 / 2
     reason = view.reason if not view.sees_table else None
     if reason is None and not registration.used[i]:
         reason = "; ".join(check.reasons) if check and check.reasons else "it was not registered"

@@ -262,8 +262,9 @@ def results(*, stops: int = 8, seed: int = 1) -> list[object]:
         _odometry(recording, poses),
         _registration(recording, poses, rng),
         [outlined],
-        [surface, _cross_check()],
+        [surface],
         [legs],
+        [_cross_check(), legs],
     ]
     run: list[object] = [recording]
     for index, (name, part) in enumerate(zip(pipeline.STAGES, parts, strict=True)):

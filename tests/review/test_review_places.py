@@ -29,6 +29,7 @@ ENTRANCES = {
     "outline": ("find_edges",),
     "surface": ("fit_surface",),
     "legs": ("find_legs",),
+    "crosscheck": ("cross_check",),
 }
 
 
