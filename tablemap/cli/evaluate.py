@@ -30,7 +30,8 @@ def evaluate(
         typer.Option("--truth", help="The truth of a run's recording.", metavar="FILE"),
     ] = None,
     suite: Annotated[
-        str, typer.Option("--suite", help="report, hard, all, or one scenario's name.")
+        str,
+        typer.Option("--suite", help="report, hard, real_sensors, all, or one scenario's name."),
     ] = "report",
     seeds: Annotated[int, typer.Option("--seeds", min=1, help="Seeds a scenario.")] = 3,
     first_seed: Annotated[int, typer.Option("--first-seed", min=0, help="The first seed.")] = 0,

@@ -7,6 +7,7 @@ PrimeSense principle: a projector beside the camera, matched in small windows.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from tablemap.geometry import Floats
+from tablemap.simulation.bending import Bend, draw_bend
 from tablemap.simulation.drive import CAMERA_AHEAD
 from tablemap.simulation.scenario import Camera
 from tablemap.simulation.scene import Scene
@@ -28,6 +30,8 @@ _NEAREST = 0.4
 _OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 _SUBPIXELS = np.array([[-0.25, -0.25], [0.25, -0.25], [-0.25, 0.25], [0.25, 0.25]])
 
+Generators = Callable[[str], np.random.Generator]
+
 
 @dataclass(frozen=True)
 class CameraErrors:
@@ -35,7 +39,9 @@ class CameraErrors:
 
     Depth comes out multiplied by ``depth_scale``. The true camera is the recorded one, shifted by
     ``x``, ``y``, ``z`` and turned about the base's axes by ``roll``, ``pitch`` and ``yaw``; its
-    true focal length is the recorded one times ``focal_scale``.
+    true focal length is the recorded one times ``focal_scale``. ``bend`` multiplies depth pixel by
+    pixel, and ``warming`` is the share by which the scale drifts from the drive's start to its end,
+    none in its middle.
     """
 
     depth_scale: float
@@ -46,10 +52,15 @@ class CameraErrors:
     y: float
     z: float
     focal_scale: float
+    bend: Bend | None
+    warming: float
 
     @staticmethod
-    def drawn(camera: Camera, rng: np.random.Generator, lens: np.random.Generator) -> CameraErrors:
-        """Draw the errors of one recording, the ``lens``'s apart; none is more than 2.5 sigma."""
+    def drawn(camera: Camera, rng: np.random.Generator, generator: Generators) -> CameraErrors:
+        """Draw the errors of one recording; none is more than 2.5 sigma.
+
+        ``generator`` gives what came to the simulator later its own random numbers, by purpose.
+        """
         unit = np.clip(rng.normal(size=7), -2.5, 2.5)
         return CameraErrors(
             float(1 + camera.scale_sigma * unit[0]),
@@ -59,7 +70,9 @@ class CameraErrors:
             float(camera.mount_sigma * unit[4]),
             float(camera.mount_sigma * unit[5]),
             float(camera.mount_height_sigma * unit[6]),
-            float(1 + camera.focal_sigma * np.clip(lens.normal(), -2.5, 2.5)),
+            float(1 + camera.focal_sigma * np.clip(generator("lens").normal(), -2.5, 2.5)),
+            draw_bend(camera, generator("bend")),
+            float(camera.warming_sigma * np.clip(generator("warming").normal(), -2.5, 2.5)),
         )
 
     def applied(self, base_from_camera: Floats) -> Floats:
@@ -184,8 +197,13 @@ class DepthCamera:
             np.flatnonzero(near_edges),
         )
 
-    def depth(self, view: View, rng: np.random.Generator) -> NDArray[np.uint16]:
-        """Return one (height, width) image in millimetres, 0 where nothing was measured."""
+    def depth(
+        self, view: View, rng: np.random.Generator, *, progress: float = 0.5
+    ) -> NDArray[np.uint16]:
+        """Return one (height, width) image in millimetres, 0 where nothing was measured.
+
+        ``progress`` is the part of the drive that is done: a camera that warms up drifts.
+        """
         noise = self.settings.noise
         depth, cosine, parts = view.depth.copy(), view.cosine.copy(), view.parts.copy()
         missing = ~np.isfinite(depth) | (depth < _NEAREST)
@@ -204,7 +222,10 @@ class DepthCamera:
             focal_times_baseline = self.k[0, 0] * _BASELINE
             steps = np.rint(focal_times_baseline / depth / _DISPARITY_STEP)
             depth = focal_times_baseline / (np.maximum(steps, 1) * _DISPARITY_STEP)
-        millimetres = np.rint(depth * self.errors.depth_scale * 1000)
+        if self.errors.bend:
+            depth *= self.errors.bend.multiplier(depth)
+        scale = self.errors.depth_scale + self.errors.warming * (progress - 0.5)
+        millimetres = np.rint(depth * scale * 1000)
         millimetres[missing | (millimetres > 65535)] = 0
         return millimetres.astype(np.uint16).reshape(self.height, self.width)
 

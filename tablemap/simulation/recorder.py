@@ -186,7 +186,7 @@ class _Pictures:
         d = np.array(simulation.scenario.camera.distortion)
         info = messages.camera_info(stamp_ns, CAMERA_FRAME, **size, k=camera.recorded_k, d=d)
         yield "depth_info", info
-        depth = camera.depth(view, self._rng)
+        depth = camera.depth(view, self._rng, progress=second / simulation.drive.duration)
         if robot.depth_transport == "raw":
             yield "raw", messages.image(stamp_ns, CAMERA_FRAME, depth)
         else:

@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from tablemap.errors import ConfigError
 
 SCENARIOS = Path(__file__).parent / "scenarios"
+SUITES = ("report", "hard", "real_sensors")
 
 Shape = Literal["circle", "ellipse", "rectangle", "square", "parallelogram", "polygon"]
 Item = Literal["box", "book", "cylinder", "bowl"]
@@ -137,6 +138,19 @@ class Camera(Section):
         default=0.0, ge=0, description="share by which the stated one is off"
     )
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    bend_percent: float = Field(
+        default=0.0,
+        ge=0,
+        description="the most by which a multiplier that is smooth over the image puts depth off "
+        "at 2 m; drawn up to a third more or less",
+    )
+    bend_family: Literal["drawn", "radial", "waves", "patches"] = "drawn"
+    bend_growth: float = Field(
+        default=1.0, ge=0, description="0: as strong at all distances; 1: as the distance"
+    )
+    warming_sigma: float = Field(
+        default=0.0, ge=0, description="share by which depth's scale drifts over the drive"
+    )
     width: int = Field(default=640, ge=32)
     height: int = Field(default=480, ge=24)
 
@@ -222,13 +236,15 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
 
 
 def suite(name: str) -> list[str]:
-    """Return the names of the scenarios of a suite: ``report``, ``hard`` or ``all``.
+    """Return the names of the scenarios of a suite, one of `SUITES` or ``all``, each once.
 
     Raises `ConfigError` where no scenario belongs to it.
     """
     if name == "all":
-        return [*suite("report"), *suite("hard")]
+        return list(dict.fromkeys(each for name in SUITES for each in suite(name)))
     members = [each for each in scenario_names() if name in load_scenario(each).suites]
     if not members:
-        raise ConfigError(f"There is no suite named {name!r}; there are report, hard and all.")
+        raise ConfigError(
+            f"There is no suite named {name!r}; there are {', '.join(SUITES)} and all."
+        )
     return members

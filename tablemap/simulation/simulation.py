@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -104,6 +104,8 @@ class Simulation:
                 "camera_x": camera.x,
                 "camera_y": camera.y,
                 "camera_z": camera.z,
+                "bend": camera.bend.truth() if camera.bend else None,
+                "warming": camera.warming,
                 "laser_range_scale": laser.scale,
                 "laser_range_bias": laser.bias,
                 "laser_range_bias_slope": laser.bias_slope,
@@ -122,8 +124,8 @@ def simulate(scenario: Scenario, *, seed: int, nominal: bool = False) -> Simulat
         drive, scenario.wheels, scenario.localisation, _generator(scenario, seed, "belief")
     )
     sensors = _generator(scenario, seed, "sensors")
-    lens = _generator(scenario, seed, "lens")
-    camera = DepthCamera(scenario.camera, CameraErrors.drawn(scenario.camera, sensors, lens))
+    generator = partial(_generator, scenario, seed)
+    camera = DepthCamera(scenario.camera, CameraErrors.drawn(scenario.camera, sensors, generator))
     laser_errors = LaserErrors.drawn(scenario.laser, sensors)
     moved_second = _NEVER
     if scenario.surroundings.moved and len(drive.stops) > 1:
