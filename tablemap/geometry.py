@@ -10,16 +10,21 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation, Slerp
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 
-def wrap_angle(angle: float) -> float:
-    """Return the angle in [-pi, pi)."""
-    return float((angle + np.pi) % (2 * np.pi) - np.pi)
+def wrap_angle(angle: float, period: float = 2 * np.pi) -> float:
+    """Return the angle in [-pi, pi), or as near to 0 as whole periods bring it."""
+    return float((angle + period / 2) % period - period / 2)
+
+
+def wrap_angles(angles: Floats, period: float = 2 * np.pi) -> Floats:
+    """Return the (...) angles in [-pi, pi), or each as near to 0 as whole periods bring it."""
+    wrapped: Floats = (angles + period / 2) % period - period / 2
+    return wrapped
 
 
 @dataclass(frozen=True)
@@ -98,6 +103,30 @@ class Pose2:
         )
 
 
+def compose(first: Floats, then: Floats) -> Floats:
+    """Return (n, 3) poses x, y, yaw: a pose (3,), or poses (n, 3), followed by others (n, 3).
+
+    The yaw is the plain sum of both yaws.
+    """
+    x, y, yaw = np.moveaxis(np.asarray(first, dtype=np.float64), -1, 0)
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.column_stack(
+        [
+            x + c * then[:, 0] - s * then[:, 1],
+            y + s * then[:, 0] + c * then[:, 1],
+            yaw + then[:, 2],
+        ]
+    )
+
+
+def inverses(poses: Floats) -> Floats:
+    """Return (n, 3) the poses x, y, yaw that undo (n, 3) others."""
+    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    x = -c * poses[:, 0] - s * poses[:, 1]
+    y = s * poses[:, 0] - c * poses[:, 1]
+    return np.column_stack([x, y, -poses[:, 2]])
+
+
 def transform(target_from_source: Floats, points: ArrayLike) -> Floats:
     """Map (..., 3) points by a (4, 4) pose."""
     array = np.asarray(points, dtype=np.float64)
@@ -112,16 +141,11 @@ def invert(pose: Floats) -> Floats:
     return inverse
 
 
-def pose_matrix(translation: ArrayLike, quaternion_xyzw: ArrayLike) -> Floats:
-    """Make a (4, 4) pose of a translation in metres and a quaternion (x, y, z, w)."""
-    matrix = np.eye(4)
-    matrix[:3, :3] = Rotation.from_quat(np.asarray(quaternion_xyzw, dtype=np.float64)).as_matrix()
-    matrix[:3, 3] = translation
-    return matrix
-
-
 def interpolate(first: Floats, second: Floats, fraction: float) -> Floats:
     """Interpolate two (4, 4) poses: the place linearly, the attitude on the great circle."""
+    # Imported here: it takes a third of a second, and many commands need no attitude.
+    from scipy.spatial.transform import Rotation, Slerp
+
     between = np.eye(4)
     between[:3, 3] = (1 - fraction) * first[:3, 3] + fraction * second[:3, 3]
     attitudes = Rotation.from_matrix(np.stack([first[:3, :3], second[:3, :3]]))

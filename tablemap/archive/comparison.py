@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from tablemap.geometry import wrap_angle
 from tablemap.model import Figure, TableLeg, TableModel
 
 SAME_LEG = 0.25
@@ -119,7 +120,7 @@ def _place(a: TableModel, b: TableModel) -> list[Difference]:
                 continue
             same = a.surface.shape == b.surface.shape
             period = PERIODS.get(a.surface.shape, math.tau) if same else math.tau
-            difference = (difference + period / 2) % period - period / 2
+            difference = wrap_angle(difference, period)
         rows.append(Difference(name, first, second, difference, math.sqrt(max(variance, 0.0))))
     return rows
 

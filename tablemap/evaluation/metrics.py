@@ -343,8 +343,7 @@ def _turn_of(surface: TableSurface, true: TrueSurface, truth_from_model: Pose2) 
     if None in periods or true.pose is None:
         return Pose2()
     period = min(p for p in periods if p is not None)
-    turn = true.pose.yaw - truth_from_model.yaw - surface.pose.yaw
-    turn = (turn + period / 2) % period - period / 2
+    turn = wrap_angle(true.pose.yaw - truth_from_model.yaw - surface.pose.yaw, period)
     return Pose2(0.0, 0.0, turn if abs(turn) < LARGEST_TURN else 0.0)
 
 

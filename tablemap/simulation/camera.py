@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from tablemap.geometry import Floats
+from tablemap.geometry import Floats, Pose2
 from tablemap.simulation.bending import Bend, draw_bend
 from tablemap.simulation.drive import CAMERA_AHEAD
 from tablemap.simulation.scenario import Camera
@@ -363,8 +363,4 @@ class DepthCamera:
 
 def map_from(base: Floats, base_from_camera: Floats) -> Floats:
     """Return the (4, 4) camera pose in the map for a base pose (3,)."""
-    c, s = np.cos(base[2]), np.sin(base[2])
-    lifted = np.eye(4)
-    lifted[:2, :2] = [[c, -s], [s, c]]
-    lifted[:2, 3] = base[:2]
-    return np.asarray(lifted @ base_from_camera)
+    return np.asarray(Pose2(*base).lifted() @ base_from_camera)

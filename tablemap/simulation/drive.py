@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from tablemap.geometry import Floats, Pose2
+from tablemap.geometry import Floats, Pose2, compose, inverses, wrap_angles
 from tablemap.simulation.scenario import Localisation, Robot, Wheels
 from tablemap.simulation.world import World
 
@@ -180,7 +180,7 @@ def believe(
     odom = _chained(start, steps * (scale, scale, yaw_scale) + noise)
     error = _localisation_error(drive, localisation, seconds, moved, rng)
     recorded = true + error
-    return Belief(seconds, odom, _compose(recorded, _inverse(odom)), recorded)
+    return Belief(seconds, odom, compose(recorded, inverses(odom)), recorded)
 
 
 def _localisation_error(
@@ -207,23 +207,9 @@ def _localisation_error(
     return np.asarray(error + wander)
 
 
-def _compose(first: Floats, second: Floats) -> Floats:
-    c, s = np.cos(first[:, 2]), np.sin(first[:, 2])
-    x = first[:, 0] + c * second[:, 0] - s * second[:, 1]
-    y = first[:, 1] + s * second[:, 0] + c * second[:, 1]
-    return np.column_stack([x, y, first[:, 2] + second[:, 2]])
-
-
-def _inverse(pose: Floats) -> Floats:
-    c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
-    x = -c * pose[:, 0] - s * pose[:, 1]
-    y = s * pose[:, 0] - c * pose[:, 1]
-    return np.column_stack([x, y, -pose[:, 2]])
-
-
 def _relative(first: Floats, second: Floats) -> Floats:
-    step = _compose(_inverse(first), second)
-    step[:, 2] = (step[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    step = compose(inverses(first), second)
+    step[:, 2] = wrap_angles(step[:, 2])
     return step
 
 

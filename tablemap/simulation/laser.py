@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tablemap.geometry import Floats
+from tablemap.geometry import Floats, compose, wrap_angles
 from tablemap.simulation.drive import Drive
 from tablemap.simulation.scenario import Laser
 from tablemap.simulation.scene import Scene
@@ -70,19 +70,17 @@ def scan(
     times = (seconds[:, None] + np.arange(BEAMS) * TIME_INCREMENT).ravel()
     # Within a scan the base moves by millimetres: its first and last pose say the rest.
     first, last = drive.base(seconds), drive.base(seconds + BEAMS * TIME_INCREMENT)
-    turn = (last[:, 2] - first[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    turn = wrap_angles(last[:, 2] - first[:, 2])
     step = np.column_stack([last[:, :2] - first[:, :2], turn])
     done = np.arange(BEAMS) / BEAMS
     base = (first[:, None, :] + done[:, None] * step[:, None, :]).reshape(-1, 3)
-    c, s = np.cos(base[:, 2]), np.sin(base[:, 2])
-    x, y = MOUNT[0] + errors.x, MOUNT[1] + errors.y
-    origins = np.column_stack(
-        [base[:, 0] + c * x - s * y, base[:, 1] + s * x + c * y, np.full(len(times), MOUNT[2])]
-    )
+    mounting = np.array([[MOUNT[0] + errors.x, MOUNT[1] + errors.y, errors.yaw]])
+    lasers = compose(base, mounting)
+    origins = np.column_stack([lasers[:, :2], np.full(len(times), MOUNT[2])])
     angles = np.tile(ANGLE_MIN + INCREMENT * np.arange(BEAMS), len(seconds))
     width = np.deg2rad(laser.beam_deg)
     within = (np.arange(subbeams) - (subbeams - 1) / 2) / subbeams * width
-    heading = (base[:, 2] + errors.yaw + angles)[:, None] + within
+    heading = (lasers[:, 2] + angles)[:, None] + within
     rays = np.stack([np.cos(heading), np.sin(heading), np.zeros_like(heading)], axis=-1)
     starts = np.repeat(origins, subbeams, axis=0)
     rays = rays.reshape(-1, 3)

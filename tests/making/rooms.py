@@ -11,13 +11,14 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from tablemap.geometry import Floats, Pose2, interpolate, pose_matrix
+from tablemap.geometry import Floats, Pose2, interpolate, wrap_angles
 from tablemap.recording import FrameNames, Recording
 from tablemap.recording.messages import CompressedImage, LaserScan
 from tablemap.stages.snapshots import Camera, Snapshot
 
 SECOND = 1_000_000_000
-BASE_FROM_LASER = pose_matrix([0.1675, 0.0, 0.1844], [0.0, 0.0, 0.0, 1.0])
+BASE_FROM_LASER = np.eye(4)
+BASE_FROM_LASER[:3, 3] = (0.1675, 0.0, 0.1844)
 
 
 def box(x: float, y: float, length: float, width: float, yaw: float = 0.0) -> Floats:
@@ -269,4 +270,4 @@ def relative_errors(estimated: Floats, truth: Floats) -> tuple[Floats, Floats]:
     turn = np.arctan2(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]), np.sum(a * b))
     place = np.linalg.norm(Pose2(0, 0, float(turn)).apply(a) - b, axis=1)
     yaw = estimated[:, 2] + turn - truth[:, 2]
-    return place, np.abs((yaw + np.pi) % (2 * np.pi) - np.pi)
+    return place, np.abs(wrap_angles(yaw))

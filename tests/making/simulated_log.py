@@ -12,8 +12,9 @@ from mcap.reader import make_reader
 from numpy.typing import NDArray
 from PIL import Image
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from scipy.spatial.transform import Rotation
 
-from tablemap.geometry import Floats, pose_matrix
+from tablemap.geometry import Floats
 
 
 def read(path: Path) -> dict[str, list[tuple[int, Any]]]:
@@ -53,7 +54,9 @@ def transforms(messages: dict[str, list[tuple[int, Any]]]) -> dict[str, dict[int
     for _, message in messages["/tf_static"] + messages["/tf"]:
         for edge in message.transforms:
             t, q = edge.transform.translation, edge.transform.rotation
-            pose = pose_matrix([t.x, t.y, t.z], [q.x, q.y, q.z, q.w])
+            pose = np.eye(4)
+            pose[:3, :3] = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix()
+            pose[:3, 3] = t.x, t.y, t.z
             edges[edge.child_frame_id][stamp_ns(edge)] = pose
     return edges
 

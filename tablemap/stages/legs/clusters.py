@@ -9,7 +9,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from tablemap.config import LegsConfig
-from tablemap.geometry import Floats, Ints
+from tablemap.geometry import Floats, Ints, wrap_angles
 from tablemap.stages.legs.scans import Scans
 from tablemap.stages.legs.silhouettes import Segments
 
@@ -132,7 +132,7 @@ def persistence(scans: Scans, place: Floats, radius: float) -> Persistence:
     offset = place - scans.origins
     distance = np.hypot(offset[..., 0], offset[..., 1])
     bearing = np.arctan2(offset[..., 1], offset[..., 0])
-    turn = np.abs((bearing - scans.angles + np.pi) % (2 * np.pi) - np.pi)
+    turn = np.abs(wrap_angles(bearing - scans.angles))
     aside = np.where(turn < 0.5, turn, np.inf) * distance
     through = (aside < radius + 0.01) & ~np.isnan(scans.ranges)
     inner = through & (aside < max(0.5 * radius, 0.003))

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from tablemap.config import LegsConfig
-from tablemap.geometry import Floats
+from tablemap.geometry import Floats, wrap_angles
 from tablemap.stages.legs.candidates import Candidate
 from tablemap.stages.legs.evidence import Evidence
 from tablemap.stages.legs.fit import Fit, Priors, criterion, fit_shapes
@@ -154,7 +154,7 @@ def _best(
         yaw = None
         if kind != "circle" and frame.surface.shape not in _ROUND:
             axis = frame.surface.pose.yaw
-            off = np.abs((start[:, -1] - axis + np.pi / 4) % (np.pi / 2) - np.pi / 4)
+            off = np.abs(wrap_angles(start[:, -1] - axis, np.pi / 2))
             if (off < 3.0 * np.hypot(sigma, _YAW_SIGMA)).all():
                 yaw = (axis, _YAW_SIGMA)
                 if kind == "square":

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tablemap.geometry import Floats, Pose2
+from tablemap.geometry import Floats, Pose2, compose, wrap_angles
 
 _TURN_WEIGHT = 0.3  # metres that a radian counts as way
 
@@ -45,7 +45,7 @@ class Trajectory:
     def way(self) -> Floats:
         """Return (n,) metres travelled up to each pose, turning counted at 0.3 m a radian."""
         steps = np.diff(self.poses, axis=0)
-        turns = np.abs((steps[:, 2] + np.pi) % (2 * np.pi) - np.pi)
+        turns = np.abs(wrap_angles(steps[:, 2]))
         lengths = np.hypot(steps[:, 0], steps[:, 1]) + _TURN_WEIGHT * turns
         return np.concatenate([[0.0], np.cumsum(lengths)])
 
@@ -57,12 +57,9 @@ class Trajectory:
 
 def composed(first: Floats, then: Floats) -> Floats:
     """Return (n, 3): the pose (3,), or the poses (n, 3), followed by each of (n, 3)."""
-    x, y, yaw = np.moveaxis(np.asarray(first, dtype=np.float64), -1, 0)
-    c, s = np.cos(yaw), np.sin(yaw)
-    turned = (yaw + then[:, 2] + np.pi) % (2 * np.pi) - np.pi
-    return np.column_stack(
-        [x + c * then[:, 0] - s * then[:, 1], y + s * then[:, 0] + c * then[:, 1], turned]
-    )
+    poses = compose(first, then)
+    poses[:, 2] = wrap_angles(poses[:, 2])
+    return poses
 
 
 def undone(pose: Floats) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from tablemap.geometry import Floats, Pose2
+from tablemap.geometry import Floats, Pose2, wrap_angles
 
 _ITERATIONS = 12
 # Robust edges begin nearly quadratic and are tightened step by step (graduated non-convexity), so
@@ -81,7 +81,7 @@ def solve_graph(
             )
             step = cho_solve(cho_factor(system), -gradient)
             poses += step[:-1].reshape(nodes, 3)
-            poses[:, 2] = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
+            poses[:, 2] = wrap_angles(poses[:, 2])
             scale += float(step[-1])
             if np.abs(step).max() < 1e-7:
                 break
@@ -126,7 +126,7 @@ def _edge_terms(
         ],
         axis=1,
     )
-    error[:, 2] = (error[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    error[:, 2] = wrap_angles(error[:, 2])
     return error, _weights(error, edges, factor)
 
 
@@ -135,7 +135,7 @@ def _anchor_terms(poses: Floats, anchors: Sequence[Anchor], factor: float) -> tu
         return np.zeros((0, 3)), np.zeros(0)
     at = poses[[anchor.index for anchor in anchors]]
     error = at - np.array([anchor.pose.as_array() for anchor in anchors])
-    error[:, 2] = (error[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    error[:, 2] = wrap_angles(error[:, 2])
     return error, _weights(error, anchors, factor)
 
 

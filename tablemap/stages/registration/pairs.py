@@ -157,7 +157,7 @@ def align_depth_pair(
             weight = np.square(scale**2 / (scale**2 + residuals**2))
             weight /= _DEPTH_SIGMA**2 * max(float(weight.sum()) / most_points, 1.0)
             apart = pose.as_array() - target_from_source.as_array()
-            apart[2] = (apart[2] + np.pi) % (2 * np.pi) - np.pi
+            apart[2] = wrap_angle(apart[2])
             step = np.linalg.solve(
                 (rows.T * weight) @ rows + prior, -((rows.T * weight) @ residuals + prior @ apart)
             )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tablemap.geometry import Floats, Pose2
+from tablemap.geometry import Floats, Pose2, wrap_angle, wrap_angles
 from tablemap.stages.odometry import Trajectory
 from tablemap.stages.snapshots import is_same_place
 
@@ -32,7 +32,7 @@ def place_in_map(relative: Floats, localised: Floats) -> tuple[Pose2, Floats]:
         # The median over all single-pose placements starts it: half of them may have jumped.
         yaw = localised[:, 2] - relative[:, 2]
         centre = np.angle(np.exp(1j * yaw).mean())
-        turn = centre + np.median((yaw - centre + np.pi) % (2 * np.pi) - np.pi)
+        turn = centre + np.median(wrap_angles(yaw - centre))
         turned = Pose2(0.0, 0.0, float(turn)).apply(relative[:, :2])
         x, y = np.median(localised[:, :2] - turned, axis=0)
         fit = Pose2.from_array([x, y, turn])
@@ -43,8 +43,7 @@ def place_in_map(relative: Floats, localised: Floats) -> tuple[Pose2, Floats]:
         placed = fit.apply(relative[:, :2])
         centre_xy = placed.mean(axis=0)
         residual[:, :2] = localised[:, :2] - placed
-        residual[:, 2] = localised[:, 2] - relative[:, 2] - fit.yaw
-        residual[:, 2] = (residual[:, 2] + np.pi) % (2 * np.pi) - np.pi
+        residual[:, 2] = wrap_angles(localised[:, 2] - relative[:, 2] - fit.yaw)
         squared = np.square(residual / [_KERNEL, _KERNEL, _KERNEL_YAW]).sum(axis=1)
         weight = np.square(1.0 / (1.0 + squared))
         rows = np.zeros((n, 3, 3))
@@ -95,7 +94,7 @@ def bend_trajectory(
         from_second = registered[j] @ (at_stops[j].inverse() @ pose)
         span = stop_way[j] - stop_way[i]
         share = float(np.clip((way[k] - stop_way[i]) / span, 0.0, 1.0)) if span > 1e-9 else 0.5
-        turn = (from_second.yaw - from_first.yaw + np.pi) % (2 * np.pi) - np.pi
+        turn = wrap_angle(from_second.yaw - from_first.yaw)
         place = (1 - share) * from_first.translation + share * from_second.translation
         bent[k] = Pose2.from_array([*place, from_first.yaw + share * turn]).as_array()
     return Trajectory(trajectory.stamps_ns, bent)

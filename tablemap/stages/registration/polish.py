@@ -10,7 +10,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial import cKDTree
 
 from tablemap.config import RegistrationConfig
-from tablemap.geometry import Floats, Pose2
+from tablemap.geometry import Floats, Pose2, wrap_angles
 from tablemap.stages.registration.graph import Edge, accumulate, edge_errors, edge_jacobians
 from tablemap.stages.registration.result import StopScan
 
@@ -72,7 +72,7 @@ def polish(
             _add_priors(system, gradient, poses, bias, edges, config)
             step = cho_solve(cho_factor(system), -gradient)
             poses += step[:-1].reshape(-1, 3)
-            poses[:, 2] = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
+            poses[:, 2] = wrap_angles(poses[:, 2])
             bias += float(step[-1])
             if np.abs(step).max() < settled:
                 break

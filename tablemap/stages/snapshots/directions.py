@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tablemap.config import SnapshotsConfig
 from tablemap.errors import EstimationError
-from tablemap.geometry import Floats, Pose2
+from tablemap.geometry import Floats, Pose2, wrap_angles
 from tablemap.recording import Recording
 from tablemap.stages.snapshots.result import SetAside, Viewpoint
 from tablemap.stages.snapshots.stops import SECOND_NS, choose_by_new_view, far_apart
@@ -99,7 +99,7 @@ def turned_left(mounts: Floats) -> Floats:
     steep = np.hypot(ahead[:, 0], ahead[:, 1]) < STEEP
     ahead[steep] = np.sign(mounts[steep, 2:3, 2]) * mounts[steep, :2, 1]
     yaw = np.arctan2(ahead[:, 1], ahead[:, 0])
-    turns = (yaw - yaw[0] + np.pi) % (2 * np.pi) - np.pi
+    turns = wrap_angles(yaw - yaw[0])
     return np.where(np.ptp(turns) < ELSEWHERE_ANGLE, 0.0, yaw)
 
 

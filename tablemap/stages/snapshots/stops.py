@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tablemap.config import SnapshotsConfig
-from tablemap.geometry import Floats, Pose2
+from tablemap.geometry import Floats, Pose2, wrap_angles
 from tablemap.recording import Recording
 
 SECOND_NS = 1_000_000_000
@@ -113,7 +113,7 @@ def choose_by_new_view(views: Floats, maximum: int, config: SnapshotsConfig) -> 
         kept = [0]
         for i in range(1, len(views)):
             delta = views[i] - views[kept]
-            turn = (delta[:, 2] + np.pi) % (2 * np.pi) - np.pi
+            turn = wrap_angles(delta[:, 2])
             apart = (np.hypot(delta[:, 0], delta[:, 1]) / distance) ** 2
             apart += (turn / angle) ** 2 + (delta[:, 3] / angle) ** 2
             if apart.min() >= 1.0:

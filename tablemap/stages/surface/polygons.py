@@ -7,7 +7,7 @@ import shapely
 from shapely.ops import polygonize, unary_union
 
 from tablemap.config import SurfaceConfig
-from tablemap.geometry import Floats, Ints
+from tablemap.geometry import Floats, Ints, wrap_angle, wrap_angles
 from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.shapes.shape import area
 from tablemap.stages.surface.shapes.straight import Polygon, Rectilinear, Sided
@@ -65,7 +65,7 @@ def peel(points: Floats, normals: Floats, least: float) -> tuple[Floats, Floats]
         if len(points) < 6:
             break
         offset = points @ outward.T
-        apart = np.abs((turn[:, None] - angles + np.pi) % (2 * np.pi) - np.pi)
+        apart = np.abs(wrap_angles(turn[:, None] - angles))
         votes = apart < np.radians(25)
         base = float(offset.min())
         bins = np.floor((offset - base) / _BIN).astype(np.int64)
@@ -88,7 +88,7 @@ def peel(points: Floats, normals: Floats, least: float) -> tuple[Floats, Floats]
 
 def _near_line(angle: float, at: float, points: Floats, turn: Floats, bands: float) -> np.ndarray:
     offset = points @ np.array([np.cos(angle), np.sin(angle)]) - at
-    apart = np.abs((turn - angle + np.pi) % (2 * np.pi) - np.pi)
+    apart = np.abs(wrap_angles(turn - angle))
     near: np.ndarray = (np.abs(offset) < bands * _BAND) & (apart < np.radians(35))
     return near
 
@@ -110,7 +110,7 @@ def _refine(angle: float, at: float, points: Floats, turn: Floats) -> tuple[floa
         on_line = outward * (at + mean) + np.array([-outward[1], outward[0]]) * middle
         angle -= float(np.arctan(slope))
         at = float(on_line @ np.array([np.cos(angle), np.sin(angle)]))
-    return float((angle + np.pi) % (2 * np.pi) - np.pi), at
+    return wrap_angle(angle), at
 
 
 def _seen_length(angle: float, points: Floats) -> float:
@@ -121,7 +121,7 @@ def _seen_length(angle: float, points: Floats) -> float:
 def _snap(lines: Floats, lengths: Floats) -> tuple[Floats, float | None, np.ndarray]:
     """Turn lines onto two perpendicular directions where their lengths vote for it."""
     angle = lines[:, 0]
-    off = (angle[:, None] - angle[None] + np.pi / 4) % (np.pi / 2) - np.pi / 4
+    off = wrap_angles(angle[:, None] - angle[None], np.pi / 2)
     votes = (np.abs(off) < _SNAP) @ lengths
     best = int(np.argmax(votes))
     if votes[best] < 0.8 * lengths.sum():
@@ -140,7 +140,7 @@ def _closed(lines: Floats, direction: float, points: Floats, evidence: Evidence)
         angle = direction + quarter * np.pi / 2
         outward = np.array([np.cos(angle), np.sin(angle)])
         end = float(np.percentile(seen @ outward, 99.8))
-        same = np.abs((lines[:, 0] - angle + np.pi) % (2 * np.pi) - np.pi) < 0.1
+        same = np.abs(wrap_angles(lines[:, 0] - angle)) < 0.1
         if not (same & (lines[:, 1] > end - 0.06)).any():
             added.append((angle, end + evidence.cell / 2))
     return np.concatenate([lines, np.array(added).reshape(-1, 2)])

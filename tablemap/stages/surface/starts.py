@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from tablemap.config import SurfaceConfig
-from tablemap.geometry import Floats
+from tablemap.geometry import Floats, wrap_angles
 from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.shapes.curved import Circle, Ellipse
 from tablemap.stages.surface.shapes.shape import Shape
@@ -149,9 +149,9 @@ def rectangles(evidence: Evidence) -> list[Rectangle]:
     bins = np.bincount((np.degrees(turn) % 90).astype(np.int64), minlength=90)[:90]
     smooth = sum(np.roll(bins, k) for k in range(-4, 5))
     peak = float(np.radians(int(np.argmax(smooth)) + 0.5))
-    close = np.abs((turn - peak + np.pi / 4) % (np.pi / 2) - np.pi / 4) < np.radians(15)
+    close = np.abs(wrap_angles(turn - peak, np.pi / 2)) < np.radians(15)
     if close.any():
-        peak += float(np.median((turn[close] - peak + np.pi / 4) % (np.pi / 2) - np.pi / 4))
+        peak += float(np.median(wrap_angles(turn[close] - peak, np.pi / 2)))
     starts.append(_along(peak, evidence))
     seen = np.concatenate([points, evidence.top])
     box = shapely.minimum_rotated_rectangle(shapely.MultiPoint(seen))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tablemap.geometry import Floats
+from tablemap.geometry import Floats, wrap_angles
 from tablemap.stages.odometry import fit_windows
 
 _NORMAL_REACH = 0.06
@@ -103,7 +103,7 @@ def _beam_spacing(points: Floats, origin: Floats) -> Floats:
     """Return (n,) metres between neighbouring beams at each point's distance, if hit squarely."""
     offset = points - origin
     bearing = np.arctan2(offset[:, 1], offset[:, 0])
-    turn = np.abs((np.diff(bearing) + np.pi) % (2 * np.pi) - np.pi)
+    turn = np.abs(wrap_angles(np.diff(bearing)))
     turn = turn[np.isfinite(turn)]
     increment = float(np.median(turn)) if len(turn) else 0.0
     return np.asarray(np.linalg.norm(offset, axis=1) * increment, dtype=np.float64)
