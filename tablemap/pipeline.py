@@ -68,6 +68,7 @@ def process(
 
 def _process(recording: Recording, config: Config, tables: Tables, record: Record) -> Processed:
     stage = stages(record)
+    sensors = config.sensors
     near = tables if isinstance(tables, tuple) else None
 
     # Where the robot stood, and what its camera saw there.
@@ -77,13 +78,15 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
 
     # The floor gives away the camera's tilt and the scale of its depth.
     with stage("calibration"):
-        calibration = calibrate(taken.snapshots, config=config.calibration)
+        calibration = calibrate(taken.snapshots, config=config.calibration, sensors=sensors)
         record(calibration)
         snapshots = calibration.snapshots
 
     # Which of the horizontal surfaces is the table, and which pixels show it.
     with stage("segmentation"):
-        segmentation = segment(snapshots, config=config.segmentation, near=near, record=record)
+        segmentation = segment(
+            snapshots, config=config.segmentation, sensors=sensors, near=near, record=record
+        )
         record(segmentation)
 
     # KISS-ICP over the laser's scans of the whole drive.
@@ -93,7 +96,13 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
 
     @cache
     def edges(segmentation: Segmentation) -> Outline:
-        return find_edges(snapshots, segmentation, config=config.outline, calibration=calibration)
+        return find_edges(
+            snapshots,
+            segmentation,
+            config=config.outline,
+            sensors=sensors,
+            calibration=calibration,
+        )
 
     # Pairwise ICP, a pose graph and a joint polish place the stops to a millimetre. Without a laser
     # the table's edges are what is registered.
@@ -104,6 +113,7 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
             odometry,
             edges=lambda: edges(segmentation),
             config=config.registration,
+            sensors=sensors,
             record=record,
         )
         record(registration)
@@ -133,7 +143,13 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
         # to where the laser asks it to be.
         with stage("crosscheck"):
             cross = cross_check(
-                outline, surface, registration, legs.legs, snapshots, config=config.crosscheck
+                outline,
+                surface,
+                registration,
+                legs.legs,
+                snapshots,
+                config=config.crosscheck,
+                sensors=sensors,
             )
             record(cross)
             if cross.is_found:
@@ -159,18 +175,24 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
         )
 
     def fit(outline: Outline, record: Record) -> Surface:
-        surface = fit_surface(outline, registration, config=config.surface, seed=config.seed)
+        surface = fit_surface(
+            outline, registration, config=config.surface, sensors=sensors, seed=config.seed
+        )
         record(surface)
         return surface
 
     def stand(surface: Surface) -> Legs:
-        return find_legs(recording, snapshots, registration, surface, config=config.legs)
+        return find_legs(
+            recording, snapshots, registration, surface, config=config.legs, sensors=sensors
+        )
 
     def other(candidate: TableCandidate, number: int) -> TableModel | str:
         if candidate.reason is not None:
             return f"it is hardly a table: {candidate.reason}"
         try:
-            segmentation = segment(snapshots, config=config.segmentation, candidate=candidate)
+            segmentation = segment(
+                snapshots, config=config.segmentation, sensors=sensors, candidate=candidate
+            )
             return model(segmentation, of_table(number, record))
         except EstimationError as error:
             return str(error)

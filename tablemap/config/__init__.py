@@ -11,6 +11,7 @@ from tablemap.config.registration import RegistrationConfig
 from tablemap.config.report import ReportConfig
 from tablemap.config.review import ReviewConfig
 from tablemap.config.segmentation import SegmentationConfig
+from tablemap.config.sensors import SensorsConfig
 from tablemap.config.snapshots import SnapshotsConfig
 from tablemap.config.surface import SurfaceConfig
 from tablemap.config.topics import TopicsConfig
@@ -28,6 +29,7 @@ __all__ = [
     "ReportConfig",
     "ReviewConfig",
     "SegmentationConfig",
+    "SensorsConfig",
     "SnapshotsConfig",
     "SurfaceConfig",
     "TopicsConfig",

@@ -10,29 +10,14 @@ from tablemap.config.section import Section
 class CalibrationConfig(Section):
     """Camera tilt and scale from the floor; the sigmas are what is believed before it is seen."""
 
-    tilt_sigma_deg: float = Field(default=1.0, gt=0, description="camera roll and pitch")
-    scale_sigma: float = Field(default=0.015, gt=0, description="depth scale")
-    camera_height_sigma: float = Field(
-        default=0.005, gt=0, description="metres, camera height in TF"
-    )
     least_level: float = Field(
         default=0.02,
         gt=0,
         description="metres that the floor lies off z = 0, where else the scale is implausible",
     )
-    level_sigma: float = Field(
-        default=0.05,
-        gt=0,
-        description="metres, likewise where the floor is neither at z = 0 nor at the base's origin",
-    )
-    held_height_sigma: float = Field(
-        default=0.03, gt=0, description="metres, the same of a camera held by hand, as tracked"
-    )
     held_roll_deg: float = Field(
         default=2.0, gt=0, description="image roll that varies by more tells a camera held by hand"
     )
-    view_tilt_sigma_deg: float = Field(default=0.5, gt=0, description="tilt of one view, if needed")
-    view_height_sigma: float = Field(default=0.02, gt=0, description="metres, likewise its height")
     view_scatter: float = Field(
         default=0.012, gt=0, description="metres between views' floors that call for a fit per view"
     )
@@ -41,12 +26,8 @@ class CalibrationConfig(Section):
     )
     floor_slope: float = Field(default=0.03, ge=0, description="more of it per metre of distance")
     least_floor_pixels: int = Field(default=3000, ge=10, description="in all views together")
-    focal_sigma: float = Field(default=0.03, gt=0, description="focal length, before it is seen")
     focal_tilts: int = Field(
         default=10, ge=2, description="fewest different tilts that show a focal length"
-    )
-    focal_tilt_gain: float = Field(
-        default=0.003, ge=0, description="recorded tilts may err by this share of themselves"
     )
     focal_significance: float = Field(
         default=4.0, gt=0, description="sigmas from which on a focal length is corrected"

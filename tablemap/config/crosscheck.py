@@ -26,27 +26,7 @@ class CrossCheckConfig(Section):
     reach: float = Field(default=0.06, gt=0, description="edges farther off are no side's, metres")
     offset_sigma: float = Field(default=0.02, gt=0, description="prior of the offset, metres")
     yaw_sigma: float = Field(default=0.01, gt=0, description="prior of the turn, radians")
-    scale_sigma: float = Field(default=0.003, gt=0, description="prior of the depth scale left")
-    bias_sigma: float = Field(default=0.002, gt=0, description="shared by near, or far, edges, m")
-    rim_set_back: float = Field(
-        default=0.008, ge=0, description="metres by which far edges may end early at a dull rim"
-    )
-    range_scale_sigma: float = Field(
-        default=0.003, gt=0, description="prior of the laser's range scale against the camera's"
-    )
-    mounting_sigma: float = Field(
-        default=0.003, gt=0, description="expected of camera against laser, metres"
-    )
-    mounting_yaw_sigma: float = Field(
-        default=0.003, gt=0, description="expected of camera against laser, radians"
-    )
     minimum_rows: int = Field(
         default=8, ge=3, description="image rows that must show both borders of a leg"
     )
     minimum_sightings: int = Field(default=4, ge=2, description="legs seen in a view, of all views")
-    silhouette_width_px: float = Field(
-        default=1.0, gt=0, description="prior of what depth adds to a leg on each side, pixels"
-    )
-    silhouette_middle_px: float = Field(
-        default=0.3, gt=0, description="prior of what it shifts a leg by, pixels"
-    )

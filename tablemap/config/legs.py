@@ -16,18 +16,9 @@ class LegsConfig(Section):
     moving_scans: int = Field(default=200, ge=0, description="most scans of the drives kept")
     moving_step: float = Field(default=0.04, gt=0, description="m between scans of a drive")
     farthest_scan: float = Field(default=4.0, gt=0, description="m from the table's middle")
-    range_noise: float = Field(default=0.01, gt=0, description="m, of one beam")
-    range_bias_sigma: float = Field(default=0.01, gt=0, description="m, shared by all beams")
-    range_scale_sigma: float = Field(
-        default=0.001,
-        ge=0,
-        description="m a metre of range: a laser's clock is better, its ranges bend by as much",
-    )
     size_systematic: float = Field(
         default=0.0003, ge=0, description="m, of a leg's size, that no residual can tell"
     )
-    beam_half_width: float = Field(default=0.001, ge=0, description="rad, expected of the spot")
-    beam_half_width_sigma: float = Field(default=0.001, gt=0, description="rad")
     stop_position_sigma: float = Field(default=0.003, gt=0, description="m, held poses")
     moving_position_sigma: float = Field(default=0.003, gt=0, description="m, scan by scan")
     moving_yaw_sigma: float = Field(default=0.001, gt=0, description="rad, scan by scan")
@@ -48,6 +39,5 @@ class LegsConfig(Section):
     symmetry_sigma: float = Field(default=0.01, gt=0, description="m, of an inferred leg")
     depth_margin: float = Field(default=0.03, ge=0, description="m beyond the outline, by depth")
     depth_points: int = Field(default=6, ge=1, description="least pixels of a layer or a face")
-    depth_sigma: float = Field(default=0.006, gt=0, description="m, of a depth silhouette")
     depth_symmetry: float = Field(default=0.05, gt=0, description="m, partners seen by depth")
     largest_depth_leg: float = Field(default=0.2, gt=0, description="m across, by depth alone")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +15,57 @@ from pydantic.fields import FieldInfo
 from tablemap.config.tree import Config
 from tablemap.errors import ConfigError
 
+RENAMED = {
+    "calibration.camera_height_sigma": "sensors.camera_height_sigma",
+    "calibration.focal_sigma": "sensors.focal_length_sigma",
+    "calibration.focal_tilt_gain": "sensors.camera_tilt_gain_sigma",
+    "calibration.held_height_sigma": "sensors.held_camera_height_sigma",
+    "calibration.level_sigma": "sensors.camera_height_sigma_off_base",
+    "calibration.scale_sigma": "sensors.depth_scale_sigma",
+    "calibration.tilt_sigma_deg": "sensors.camera_tilt_sigma_deg",
+    "calibration.view_height_sigma": "sensors.view_height_sigma",
+    "calibration.view_tilt_sigma_deg": "sensors.view_tilt_sigma_deg",
+    "crosscheck.bias_sigma": "sensors.edge_bias_sigma",
+    "crosscheck.mounting_sigma": "sensors.laser_mounting_sigma",
+    "crosscheck.mounting_yaw_sigma": "sensors.laser_mounting_yaw_sigma",
+    "crosscheck.range_scale_sigma": "sensors.laser_range_scale_sigma_wide",
+    "crosscheck.rim_set_back": "sensors.rim_set_back",
+    "crosscheck.scale_sigma": "sensors.calibrated_depth_scale_sigma_crosscheck",
+    "crosscheck.silhouette_middle_px": "sensors.silhouette_middle_sigma_px",
+    "crosscheck.silhouette_width_px": "sensors.silhouette_width_sigma_px",
+    "legs.beam_half_width": "sensors.laser_beam_half_width",
+    "legs.beam_half_width_sigma": "sensors.laser_beam_half_width_sigma",
+    "legs.depth_sigma": "sensors.depth_silhouette_sigma",
+    "legs.range_bias_sigma": "sensors.laser_range_bias_sigma",
+    "legs.range_noise": "sensors.laser_range_noise",
+    "legs.range_scale_sigma": "sensors.laser_range_scale_sigma",
+    "outline.baseline": "sensors.projector_baseline",
+    "outline.slope_prior_deg": "sensors.calibrated_view_tilt_sigma_deg",
+    "registration.depth_focal_sigma": "sensors.calibrated_focal_length_sigma",
+    "registration.depth_scale_sigma": "sensors.calibrated_depth_scale_sigma_registration",
+    "registration.mounting_sigma": "sensors.laser_mounting_sigma",
+    "registration.range_bias_sigma": "sensors.laser_range_bias_sigma",
+    "registration.range_scale_sigma": "sensors.laser_range_scale_sigma_wide",
+    "registration.stretch_sigma": "sensors.laser_range_scale_sigma",
+    "segmentation.view_tilt_sigma_deg": "sensors.calibrated_view_tilt_sigma_deg",
+    "surface.drive_scale_sigma": "sensors.drive_scale_sigma",
+    "surface.edge_set_back": "sensors.sharp_rim_set_back",
+    "surface.far_bias_sigma": "sensors.far_edge_bias",
+    "surface.laser_scale_sigma": "sensors.laser_range_scale_sigma",
+    "surface.near_bias_sigma": "sensors.near_edge_bias",
+    "surface.rim_set_back": "sensors.rim_set_back",
+    "surface.scale_sigma": "sensors.calibrated_depth_scale_sigma_surface",
+    "surface.trusted_height": "sensors.camera_height_trusted",
+}
+"""Names of settings that are gone, and the names that took their place."""
+
 
 def load_config(file: Path | None = None, *, overrides: Sequence[str] = ()) -> Config:
     """Merge defaults, a TOML file and ``section.key=value`` settings into one validated tree.
 
     A value is read as TOML and, where that fails, as text: ``topics.depth=/camera/depth`` needs no
-    quotes. Raises `ConfigError` for what is unknown, with the nearest name, or out of range.
+    quotes. Raises `ConfigError` for what is unknown, with its new or the nearest name, or out of
+    range.
     """
     tree: dict[str, Any] = {}
     if file is not None:
@@ -30,10 +75,18 @@ def load_config(file: Path | None = None, *, overrides: Sequence[str] = ()) -> C
             raise ConfigError(f"the config cannot be read ({error.strerror}): {file}") from error
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise ConfigError(f"the config is no TOML ({error}): {file}") from error
+        old = [name for name in _names(tree) if name in RENAMED]
+        if old:
+            raise ConfigError(
+                f"{_renamed(old[0])} (old names in the file: {len(old)}); write what you changed "
+                f"into what `tablemap config` prints now: {file}"
+            )
     for setting in overrides:
         name, separator, text = setting.partition("=")
         if not separator or not name.strip():
             raise ConfigError(f"expected --set section.key=value, found {setting!r}.")
+        if name.strip() in RENAMED:
+            raise ConfigError(f"{_renamed(name.strip())}.")
         *sections, key = name.strip().split(".")
         branch = tree
         for section in sections:
@@ -57,6 +110,19 @@ def _parse_value(text: str) -> object:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         return text
+
+
+def _names(tree: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+    """Yield the dotted names of all settings in a tree, in its order."""
+    for key, value in tree.items():
+        if isinstance(value, Mapping):
+            yield from _names(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}"
+
+
+def _renamed(old: str) -> str:
+    return f"{old} is now {RENAMED[old]}"
 
 
 def _explain(error: ValidationError) -> str:

@@ -15,9 +15,6 @@ class OutlineConfig(Section):
     )
     tolerance_min: float = Field(default=0.006, gt=0, description="least such tolerance, metres")
     tolerance_max: float = Field(default=0.02, gt=0, description="largest such tolerance, metres")
-    slope_prior_deg: float = Field(
-        default=0.3, gt=0, description="tilt that a calibrated camera may leave on a level top"
-    )
     plane_samples: int = Field(default=4000, ge=60, description="pixels for a view's plane")
     plane_worth: float = Field(
         default=60.0, gt=0, description="independent points that a view's plane is worth"
@@ -33,9 +30,6 @@ class OutlineConfig(Section):
     )
     face_depth: float = Field(
         default=0.06, gt=0, description="a side face reaches this far below the top, metres"
-    )
-    baseline: float = Field(
-        default=0.08, ge=0, description="between projector and camera: widest shadow, metres"
     )
     thinning_px: int = Field(default=3, ge=1, description="one edge point in so many pixels")
     support: float = Field(

@@ -20,20 +20,6 @@ class RegistrationConfig(Section):
     minimum_overlap: float = Field(
         default=0.3, ge=0, le=1, description="least share of a stop's points that a pair must share"
     )
-    range_bias_sigma: float = Field(
-        default=0.01, gt=0, description="prior of the laser's common range bias, metres"
-    )
-    range_scale_sigma: float = Field(
-        default=0.003, ge=0, description="laser range scale that residuals cannot see"
-    )
-    stretch_sigma: float = Field(
-        default=0.001,
-        ge=0,
-        description="share by which the laser's ranges stretch the distances between stops",
-    )
-    mounting_sigma: float = Field(
-        default=0.003, ge=0, description="laser mounting that residuals cannot see, metres"
-    )
     correlation: float = Field(
         default=8.0, ge=1, description="neighbouring beams that err together, as one"
     )
@@ -55,14 +41,6 @@ class RegistrationConfig(Section):
         default=20.0, gt=0, description="independent points that a depth pair is worth at most"
     )
     depth_loops: int = Field(default=6, ge=0, description="most loop pairs of a depth view")
-    depth_scale_sigma: float = Field(
-        default=0.0015,
-        gt=0,
-        description="prior of the depth's common scale where edges are laid on",
-    )
-    depth_focal_sigma: float = Field(
-        default=0.01, ge=0, description="focal length error: a scale of the path that nothing shows"
-    )
     edge_gates: tuple[float, ...] = Field(
         default=(0.2, 0.1, 0.05, 0.03), min_length=1, description="gates of edges laid on, metres"
     )

@@ -35,7 +35,6 @@ class SegmentationConfig(Section):
     tolerance_most: float = Field(default=0.035, gt=0, description="metres round the top's plane")
     tolerance_sigmas: float = Field(default=3.0, gt=0, description="of a pixel's own noise")
     view_height_gate: float = Field(default=0.025, gt=0, description="metres from the joint height")
-    view_tilt_sigma_deg: float = Field(default=0.3, gt=0, description="of the top in one view")
     reach: float = Field(default=0.35, gt=0, description="metres by which a view's pose may be off")
     least_top_share: float = Field(
         default=0.003, gt=0, description="of the image, to see the table"

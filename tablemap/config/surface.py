@@ -32,39 +32,8 @@ class SurfaceConfig(Section):
     sigma_floor: float = Field(default=0.0005, gt=0, description="metres; least edge point sigma")
     loss_sigmas: float = Field(default=4.0, gt=0, description="scale of the robust loss")
     normal_cosine: float = Field(default=0.8, gt=0, lt=1, description="point's normal to shape's")
-    scale_sigma: float = Field(
-        default=0.005, gt=0, description="of the depth scale, where no calibration says"
-    )
-    trusted_height: float = Field(
-        default=0.5,
-        gt=0,
-        lt=1,
-        description="share of robots whose camera height in TF is right to a millimetre",
-    )
     doubted_height: float = Field(
         default=0.9, gt=0, le=1, description="posterior of a wrong one from which on it is said"
-    )
-    laser_scale_sigma: float = Field(
-        default=0.001,
-        ge=0,
-        description="of the laser's ranges, and so of the stops' distances: as for its legs",
-    )
-    drive_scale_sigma: float = Field(
-        default=0.02, ge=0, description="likewise where wheels and depth placed the views"
-    )
-    near_bias_sigma: float = Field(
-        default=0.25, gt=0, description="of a point's sigma: what near edges share unknown"
-    )
-    far_bias_sigma: float = Field(
-        default=0.4,
-        gt=0,
-        description="likewise far ones, with their mixed pixels: a quarter of a pixel",
-    )
-    rim_set_back: float = Field(
-        default=0.008, ge=0, description="metres by which far edges may end early at a dull rim"
-    )
-    edge_set_back: float = Field(
-        default=0.002, ge=0, description="likewise at a rim that looks sharp"
     )
     systematic_sigmas: float = Field(
         default=1.0, gt=0, description="standard deviations in the registration's systematic part"

@@ -15,6 +15,7 @@ from tablemap.config.report import ReportConfig
 from tablemap.config.review import ReviewConfig
 from tablemap.config.section import Section
 from tablemap.config.segmentation import SegmentationConfig
+from tablemap.config.sensors import SensorsConfig
 from tablemap.config.snapshots import SnapshotsConfig
 from tablemap.config.surface import SurfaceConfig
 from tablemap.config.topics import TopicsConfig
@@ -25,6 +26,7 @@ class Config(Section):
 
     seed: int = Field(default=0, ge=0)
     topics: TopicsConfig = TopicsConfig()
+    sensors: SensorsConfig = SensorsConfig()
     snapshots: SnapshotsConfig = SnapshotsConfig()
     calibration: CalibrationConfig = CalibrationConfig()
     segmentation: SegmentationConfig = SegmentationConfig()

@@ -32,7 +32,7 @@ def recording(demo_recording: Path) -> Iterator[Recording]:
 def snapshots(recording: Recording) -> tuple[Snapshot, ...]:
     """The demo's calibrated viewpoints."""
     taken = take_snapshots(recording, config=CONFIG.snapshots)
-    return calibrate(taken.snapshots, config=CONFIG.calibration).snapshots
+    return calibrate(taken.snapshots, config=CONFIG.calibration, sensors=CONFIG.sensors).snapshots
 
 
 @pytest.mark.benchmark(group="whole run")
@@ -53,7 +53,9 @@ def test_organised_segmentation(
     benchmark: BenchmarkFixture, snapshots: tuple[Snapshot, ...]
 ) -> None:
     """Labels of every pixel, and which table it is."""
-    result = benchmark.pedantic(segment, (snapshots,), {"config": CONFIG.segmentation}, rounds=3)
+    result = benchmark.pedantic(
+        segment, (snapshots,), {"config": CONFIG.segmentation, "sensors": CONFIG.sensors}, rounds=3
+    )
     assert len(result.used) == len(snapshots)
 
 

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from pydantic import BaseModel
 
 from tablemap.config import Config, dump_config, load_config
+from tablemap.config.loading import RENAMED
 from tablemap.errors import ConfigError
+
+
+def setting_names(section: type[BaseModel], prefix: str = "") -> Iterator[str]:
+    """Yield the dotted names of all settings."""
+    for name, field in section.model_fields.items():
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            yield from setting_names(field.annotation, f"{prefix}{name}.")
+        else:
+            yield prefix + name
 
 
 def test_settings_override_the_file_which_overrides_defaults(tmp_path: Path) -> None:
@@ -44,6 +56,28 @@ def test_a_wrong_setting_is_refused_in_one_sentence(setting: str, words: str) ->
         load_config(overrides=[setting])
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_setting_with_a_new_name_says_it(tmp_path: Path) -> None:
+    """On the command line and in a file, as a config.toml of an older run."""
+    with pytest.raises(ConfigError) as caught:
+        load_config(overrides=["surface.laser_scale_sigma=0.002"])
+    sentence = "surface.laser_scale_sigma is now sensors.laser_range_scale_sigma"
+    assert str(caught.value) == f"{sentence}."
+    file = tmp_path / "config.toml"
+    file.write_text("[surface]\nlaser_scale_sigma = 0.002\nrim_set_back = 0.01\n")
+    with pytest.raises(ConfigError) as caught:
+        load_config(file)
+    assert str(caught.value).startswith(f"{sentence} (old names in the file: 2); ")
+    assert str(caught.value).endswith(f": {file}")
+    assert "\n" not in str(caught.value)
+
+
+def test_new_names_are_settings_and_old_ones_are_none() -> None:
+    """The table of names cannot point nowhere."""
+    names = set(setting_names(Config))
+    assert names.issuperset(RENAMED.values())
+    assert names.isdisjoint(RENAMED)
 
 
 @pytest.mark.parametrize("text", ["seed = ", "[topics", "\xff"])

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tablemap.config import CalibrationConfig
+from tablemap.config import CalibrationConfig, SensorsConfig
 from tablemap.geometry import Floats
 from tablemap.stages.calibration.floor import Floor, residuals
 from tablemap.stages.calibration.result import FocalLength
@@ -30,6 +30,7 @@ def estimate_focal(
     common: Floats,
     prior: Floats,
     config: CalibrationConfig,
+    sensors: SensorsConfig,
 ) -> FocalLength | None:
     """Fit the focal length together with tilt, scale and height, from what these were without it.
 
@@ -45,7 +46,7 @@ def estimate_focal(
     if int((counts >= _LEAST_SAMPLES).sum()) < config.focal_tilts:
         return None
     beside = floor.beside
-    sigmas = np.append(prior[:4], config.focal_sigma)
+    sigmas = np.append(prior[:4], sensors.focal_length_sigma)
     none = np.zeros((len(snapshots), 3))
     state = np.append(common[:4], 0.0)
     information, rows, pull = np.eye(_PARAMETERS), np.zeros((0, 0)), np.zeros(0)
@@ -66,7 +67,7 @@ def estimate_focal(
     sigma = _sigma(information, rows * pull[:, None], place, len(names))
     tilt = tilts[floor.view]
     spread = float(np.std(0.5 * np.sin(2 * tilt)))
-    feigned = config.focal_tilt_gain * float(np.std(tilt)) / max(spread, 1e-6)
+    feigned = sensors.camera_tilt_gain_sigma * float(np.std(tilt)) / max(spread, 1e-6)
     sigma = float(np.hypot(sigma, feigned))
     clear = abs(scale - 1) > config.focal_significance * sigma
     return FocalLength(scale, sigma, len(names), clear and abs(scale - 1) < config.plausible_focal)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tablemap.config import CalibrationConfig
+from tablemap.config import CalibrationConfig, SensorsConfig
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats
 from tablemap.stages.calibration.fit import COMMON, fit_axes, fit_floor, views_apart
@@ -17,7 +17,9 @@ from tablemap.stages.calibration.result import Calibration, FocalLength
 from tablemap.stages.snapshots import Snapshot
 
 
-def calibrate(snapshots: tuple[Snapshot, ...], *, config: CalibrationConfig) -> Calibration:
+def calibrate(
+    snapshots: tuple[Snapshot, ...], *, config: CalibrationConfig, sensors: SensorsConfig
+) -> Calibration:
     """Fit camera tilt and depth scale to the floor pixels of all views.
 
     A robust Gauss-Newton fit of z = 0 with priors. On a flat floor seen from one height the scale
@@ -28,20 +30,23 @@ def calibrate(snapshots: tuple[Snapshot, ...], *, config: CalibrationConfig) -> 
     that is so only with an implausible scale, is looked for at other heights.
     """
     floor = collect_floor(snapshots, config)
-    result = _calibrate(snapshots, floor, config)
+    result = _calibrate(snapshots, floor, config, sensors)
     missed = floor is None or floor.pixels < config.least_floor_pixels
     if not missed and abs(result.depth_scale - 1) <= config.plausible_scale:
         return result
     level = floor_level(snapshots)
     if level is None or abs(level) < (config.floor_band if missed else config.least_level):
         return result
-    found = _at_level(snapshots, level, config)
+    found = _at_level(snapshots, level, config, sensors)
     doubted = any(w.code == "accuracy.calibration" for w in found.warnings)
     return result if doubted and not missed else found
 
 
 def _at_level(
-    snapshots: tuple[Snapshot, ...], level: float, config: CalibrationConfig
+    snapshots: tuple[Snapshot, ...],
+    level: float,
+    config: CalibrationConfig,
+    sensors: SensorsConfig,
 ) -> Calibration:
     """Calibrate with z counted from the level where the floor was found, and say so.
 
@@ -49,11 +54,12 @@ def _at_level(
     """
     base = float(np.median([snapshot.base_z for snapshot in snapshots]))
     if abs(level - base) > config.least_level:
-        config = config.model_copy(update={"camera_height_sigma": config.level_sigma})
+        unknown = sensors.camera_height_sigma_off_base
+        sensors = sensors.model_copy(update={"camera_height_sigma": unknown})
     else:
         level = base
     snapshots = tuple(lowered(snapshot, level) for snapshot in snapshots)
-    result = _calibrate(snapshots, collect_floor(snapshots, config), config)
+    result = _calibrate(snapshots, collect_floor(snapshots, config), config, sensors)
     warning = ProcessWarning(
         "calibration.floor_level",
         "calibration",
@@ -63,12 +69,19 @@ def _at_level(
 
 
 def _calibrate(
-    snapshots: tuple[Snapshot, ...], floor: Floor | None, config: CalibrationConfig
+    snapshots: tuple[Snapshot, ...],
+    floor: Floor | None,
+    config: CalibrationConfig,
+    sensors: SensorsConfig,
 ) -> Calibration:
     step = 0.0 if floor is None else floor.step
     prior = np.array(
-        [np.deg2rad(config.tilt_sigma_deg)] * 2
-        + [config.scale_sigma, _height_sigma(snapshots, config), max(step / np.sqrt(12), 1e-6)]
+        [np.deg2rad(sensors.camera_tilt_sigma_deg)] * 2
+        + [
+            sensors.depth_scale_sigma,
+            _height_sigma(snapshots, config, sensors),
+            max(step / np.sqrt(12), 1e-6),
+        ]
     )
     if floor is None or floor.pixels < config.least_floor_pixels:
         pixels = 0 if floor is None else floor.pixels
@@ -81,7 +94,7 @@ def _calibrate(
         )
         return _result(snapshots, np.zeros(5), np.diag(prior**2), {}, floor, (warning,))
     floor, common, covariance = fit_axes(floor, prior, len(snapshots))
-    focal = estimate_focal(snapshots, floor, common, prior, config)
+    focal = estimate_focal(snapshots, floor, common, prior, config, sensors)
     warnings = []
     if focal is not None and focal.applied:
         snapshots = with_focal(snapshots, focal.scale)
@@ -91,8 +104,8 @@ def _calibrate(
     by_view: dict[int, Floats] = {}
     able, scatter = views_apart(floor, common, len(snapshots))
     if scatter > config.view_scatter:
-        tilt = np.deg2rad(config.view_tilt_sigma_deg)
-        view_prior = np.array([tilt, tilt, config.view_height_sigma])
+        tilt = np.deg2rad(sensors.view_tilt_sigma_deg)
+        view_prior = np.array([tilt, tilt, sensors.view_height_sigma])
         common, own, covariance = fit_floor(floor, prior, (view_prior, able), len(snapshots))
         by_view = {s.index: own[i] for i, s in enumerate(snapshots)}
     warnings += _doubts(common, covariance, config)
@@ -100,7 +113,9 @@ def _calibrate(
     return replace(result, focal=focal)
 
 
-def _height_sigma(snapshots: tuple[Snapshot, ...], config: CalibrationConfig) -> float:
+def _height_sigma(
+    snapshots: tuple[Snapshot, ...], config: CalibrationConfig, sensors: SensorsConfig
+) -> float:
     """Return how well the camera's height is known before the floor is seen.
 
     A robot's head pans and nods on a mounting that was measured; a camera whose image rolls from
@@ -108,8 +123,8 @@ def _height_sigma(snapshots: tuple[Snapshot, ...], config: CalibrationConfig) ->
     """
     rolls = np.arcsin([np.clip(s.base_from_camera[2, 0], -1.0, 1.0) for s in snapshots])
     if len(rolls) > 1 and float(np.std(rolls)) > np.deg2rad(config.held_roll_deg):
-        return config.held_height_sigma
-    return config.camera_height_sigma
+        return sensors.held_camera_height_sigma
+    return sensors.camera_height_sigma
 
 
 def _focal_warning(focal: FocalLength) -> ProcessWarning:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tablemap.config import CrossCheckConfig
+from tablemap.config import CrossCheckConfig, SensorsConfig
 from tablemap.geometry import Floats
 from tablemap.stages.crosscheck.rows import Rows
 
@@ -29,14 +29,18 @@ class Solution:
     covariance: Floats
 
 
-def prior_sigmas(config: CrossCheckConfig) -> Floats:
+def prior_sigmas(config: CrossCheckConfig, sensors: SensorsConfig) -> Floats:
     """Return (4,) standard deviations of the asked unknowns that are let in."""
     offset = config.offset_sigma
-    return np.array([offset, offset, config.yaw_sigma, config.range_scale_sigma])
+    return np.array([offset, offset, config.yaw_sigma, sensors.laser_range_scale_sigma_wide])
 
 
 def solve(
-    rows: Rows, pose_covariance: Floats, far_bias_sigma: float, config: CrossCheckConfig
+    rows: Rows,
+    pose_covariance: Floats,
+    far_bias_sigma: float,
+    config: CrossCheckConfig,
+    sensors: SensorsConfig,
 ) -> Solution:
     """Robust least squares over offset, scales, shared biases, freedoms and poses.
 
@@ -50,9 +54,11 @@ def solve(
     freedom = np.where(np.abs(rows.basis[is_leg]).sum(axis=0) > 0, 1.0, _FREEDOM)
     sigma = np.concatenate(
         [
-            prior_sigmas(config),
-            [config.scale_sigma, config.bias_sigma, far_bias_sigma],
-            [config.silhouette_width_px, config.silhouette_middle_px, config.bias_sigma],
+            prior_sigmas(config, sensors),
+            [sensors.calibrated_depth_scale_sigma_crosscheck],
+            [sensors.edge_bias_sigma, far_bias_sigma],
+            [sensors.silhouette_width_sigma_px, sensors.silhouette_middle_sigma_px],
+            [sensors.edge_bias_sigma],
             freedom,
         ]
     )

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tablemap.config import CrossCheckConfig
+from tablemap.config import CrossCheckConfig, SensorsConfig
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats
 from tablemap.stages.crosscheck.edges import edge_rows
@@ -49,6 +49,7 @@ def cross_check(
     snapshots: tuple[Snapshot, ...] = (),
     *,
     config: CrossCheckConfig,
+    sensors: SensorsConfig,
 ) -> CrossCheck:
     """Estimate the camera's offset against the laser from edges and legs in all views.
 
@@ -69,10 +70,11 @@ def cross_check(
         return _nothing(0, len(views), sightings)
     rows = together(parts)
     # Where the rim is dull, far edges end early: that looks like a camera too far back.
-    far = float(np.hypot(config.bias_sigma, config.rim_set_back if outline.is_dull else 0.0))
+    set_back = sensors.rim_set_back if outline.is_dull else 0.0
+    far = float(np.hypot(sensors.edge_bias_sigma, set_back))
 
     def solved(rows: Rows) -> Solution:
-        return solve(rows, registration.covariance, far, config)
+        return solve(rows, registration.covariance, far, config, sensors)
 
     arms = _arms(rows)
     solution = solved(rows)
@@ -92,7 +94,7 @@ def cross_check(
         (np.abs(at_table) > np.maximum(config.sigmas * sigma, 0.5 * config.threshold)).any()
     )
     scale, scale_sigma = -float(solution.asked[3]), float(np.sqrt(solution.covariance[3, 3]))
-    told = scale_sigma < 0.5 * config.range_scale_sigma
+    told = scale_sigma < 0.5 * sensors.laser_range_scale_sigma_wide
     return CrossCheck(
         offset=solution.asked[:3],
         covariance=solution.covariance[:3, :3],
@@ -107,7 +109,7 @@ def cross_check(
         range_scale_sigma=scale_sigma if told else None,
         by_edges=by_edges,
         by_legs=by_legs,
-        excess=_excess(solution, config) if found else 1.0,
+        excess=_excess(solution, config, sensors) if found else 1.0,
         sightings=sightings,
     )
 
@@ -137,11 +139,11 @@ def _disagreement(first: Estimate | None, second: Estimate | None) -> float:
     return max(1.0, float(np.sqrt(apart.mean())))
 
 
-def _excess(solution: Solution, config: CrossCheckConfig) -> float:
+def _excess(solution: Solution, config: CrossCheckConfig, sensors: SensorsConfig) -> float:
     """Return how many times larger than assumed mounting and scale errors are (Birge's ratio)."""
-    assumed = np.array([config.mounting_sigma] * 2 + [config.mounting_yaw_sigma, 0.0])
-    assumed[3] = config.range_scale_sigma
-    let_in = np.diag(prior_sigmas(config) ** -2.0)
+    assumed = np.array([sensors.laser_mounting_sigma] * 2 + [sensors.laser_mounting_yaw_sigma, 0.0])
+    assumed[3] = sensors.laser_range_scale_sigma_wide
+    let_in = np.diag(prior_sigmas(config, sensors) ** -2.0)
     likelihood = np.linalg.inv(solution.covariance) - let_in
     values, vectors = np.linalg.eigh((likelihood + likelihood.T) / 2)
     # What the evidence alone says, without the loose prior: its information and its mean.

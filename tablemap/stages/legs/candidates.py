@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tablemap.config import LegsConfig
+from tablemap.config import LegsConfig, SensorsConfig
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.legs.chairs import chair_like
 from tablemap.stages.legs.clusters import Cluster, Persistence, find_clusters, persistence
@@ -56,12 +56,13 @@ def find_candidates(
     frame: Frame,
     *,
     config: LegsConfig,
+    sensors: SensorsConfig,
 ) -> tuple[list[Candidate], Floats, Walls]:
     """Return all clusters under or near the top, the thinned evidence (n, 2) in the map, walls."""
     points = beam_points(scans)
     segments, walls = find_segments(scans, points, frame.polygon, config=config)
     candidates = [
-        _judged(scans, points, segments, cluster, snapshots, poses, frame, config)
+        _judged(scans, points, segments, cluster, snapshots, poses, frame, config, sensors)
         for cluster in find_clusters(scans, points, segments, config=config)
     ]
     return candidates, _thinned(points, segments), walls
@@ -76,6 +77,7 @@ def _judged(
     poses: dict[int, Pose2],
     frame: Frame,
     config: LegsConfig,
+    sensors: SensorsConfig,
 ) -> Candidate:
     members = np.zeros(len(segments), dtype=bool)
     members[cluster.members] = True
@@ -96,7 +98,7 @@ def _judged(
     evidence = gather_evidence(scans, points, own, own, config=config)
     if len(evidence.sigma) < 4:
         return replace(found, reason="too little of its outline seen")
-    fits = _own_fits(cluster, evidence, frame, config)
+    fits = _own_fits(cluster, evidence, frame, config, sensors)
     found = replace(found, evidence=evidence, fits=fits)
     place = fits[found.kind].parameters[0, :2]
     if np.linalg.norm(place - cluster.centre) > max(0.05, cluster.size):
@@ -114,7 +116,11 @@ def _judged(
 
 
 def _own_fits(
-    cluster: Cluster, evidence: Evidence, frame: Frame, config: LegsConfig
+    cluster: Cluster,
+    evidence: Evidence,
+    frame: Frame,
+    config: LegsConfig,
+    sensors: SensorsConfig,
 ) -> dict[str, Fit]:
     """Fit the cluster by itself: poses are held, and what they may be off goes into the sigmas."""
     few = thinned(evidence, config.own_tangents)
@@ -123,7 +129,9 @@ def _own_fits(
         sigma=np.hypot(few.sigma, config.stop_position_sigma),
         hit_sigma=np.hypot(few.hit_sigma, config.stop_position_sigma),
     )
-    priors = Priors(None, (config.beam_half_width, 1e-4), (0.0, config.range_bias_sigma))
+    priors = Priors(
+        None, (sensors.laser_beam_half_width, 1e-4), (0.0, sensors.laser_range_bias_sigma)
+    )
     kinds = ["circle", "square", "rectangle"]
     if not cluster.slender and not frame.is_central(cluster.centre):
         kinds = ["square", "rectangle"]

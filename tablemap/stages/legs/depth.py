@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from shapely.geometry import Polygon
 
-from tablemap.config import LegsConfig
+from tablemap.config import LegsConfig, SensorsConfig
 from tablemap.geometry import Floats, Pose2, invert, transform
 from tablemap.stages.legs.evidence import Evidence
 from tablemap.stages.legs.silhouettes import Walls
@@ -109,6 +109,7 @@ def find_posts(
     walls: Walls,
     *,
     config: LegsConfig,
+    sensors: SensorsConfig,
 ) -> list[Post]:
     """Find upright things under the top that reach from near the floor up to it.
 
@@ -155,7 +156,7 @@ def find_posts(
         centre = np.array([x0, y0]) + (cells.mean(axis=0) + 0.5) * _CELL
         size = float(np.max(np.ptp(cells, axis=0) + 1) * _CELL)
         column = filled[own].any(axis=0)
-        posts.append(_post(snapshots, poses, by_view, centre, size, column, config))
+        posts.append(_post(snapshots, poses, by_view, centre, size, column, config, sensors))
     return [post for post in posts if post is not None]
 
 
@@ -167,6 +168,7 @@ def _post(
     size: float,
     column: NDArray[np.bool_],
     config: LegsConfig,
+    sensors: SensorsConfig,
 ) -> Post | None:
     """Describe one connected column: its silhouette and face in every view that saw it."""
     normals, points, levers = [], [], []
@@ -201,7 +203,7 @@ def _post(
             point = eye + sight * (front + 0.01) + left * side * edge
             normals.append(left * side)
             points.append(point)
-            sigmas.append(float(np.hypot(lateral, config.depth_sigma)))
+            sigmas.append(float(np.hypot(lateral, sensors.depth_silhouette_sigma)))
             groups.append(len(collected))
             levers.append(point - base.translation)
         face_points = own[face][:: max(1, int(face.sum()) // 100), :2]
@@ -222,7 +224,7 @@ def _post(
         hits=np.concatenate(hits),
         rays=np.concatenate(rays),
         row=np.concatenate(rows),
-        hit_sigma=np.full(len(collected), config.depth_sigma),
+        hit_sigma=np.full(len(collected), sensors.depth_silhouette_sigma),
         hit_group=np.arange(len(collected)),
         hit_lever=np.array(hit_levers),
     )

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tablemap.config import LegsConfig
+from tablemap.config import LegsConfig, SensorsConfig
 from tablemap.geometry import Floats
 from tablemap.stages.legs.candidates import UNDER_ANOTHER, Candidate
 from tablemap.stages.legs.clusters import persistence
@@ -33,6 +33,7 @@ def accept_posts(
     frame: Frame,
     *,
     config: LegsConfig,
+    sensors: SensorsConfig,
 ) -> tuple[list[Leg], list[RejectedCluster]]:
     """Return the posts that are legs and not found yet, and the others with their reasons."""
     taken = [np.array([leg.x, leg.y]) for leg in legs] + [c.place for c in candidates]
@@ -44,7 +45,7 @@ def accept_posts(
         if post.reason is not None:
             refused.append(_refused(post, post.reason))
             continue
-        fit = _fitted(post, frame, config)
+        fit = _fitted(post, frame, config, sensors)
         place = fit.parameters[0, :2]
         if np.linalg.norm(place - post.centre) > 0.5 * post.size + 0.04:
             refused.append(_refused(post, "its views do not agree on a place"))
@@ -70,7 +71,7 @@ def accept_posts(
         elif one.post.views < 2 and i not in partners:
             refused.append(_refused(one.post, "seen by depth from one view alone"))
         elif central or (corner and i in partners):
-            found.append(_leg(one, config))
+            found.append(_leg(one, sensors))
         elif not corner:
             refused.append(_refused(one.post, "seen by depth, away from corners and middle"))
         else:
@@ -100,8 +101,8 @@ def _refused(post: Post, reason: str) -> RejectedCluster:
     return RejectedCluster(float(post.centre[0]), float(post.centre[1]), post.points, reason)
 
 
-def _fitted(post: Post, frame: Frame, config: LegsConfig) -> Fit:
-    priors = Priors(None, (0.0, 1e-6), (0.0, config.depth_sigma))
+def _fitted(post: Post, frame: Frame, config: LegsConfig, sensors: SensorsConfig) -> Fit:
+    priors = Priors(None, (0.0, 1e-6), (0.0, sensors.depth_silhouette_sigma))
     evidence = replace(
         post.evidence, sigma=np.hypot(post.evidence.sigma, config.stop_position_sigma)
     )
@@ -113,12 +114,14 @@ def _fitted(post: Post, frame: Frame, config: LegsConfig) -> Fit:
     return min(fits, key=criterion)
 
 
-def _leg(one: _Fitted, config: LegsConfig) -> Leg:
+def _leg(one: _Fitted, sensors: SensorsConfig) -> Leg:
     values = one.fit.parameters[0]
     sigma = np.sqrt(np.maximum(np.diag(one.fit.covariance[0]), 0.0))
     # Silhouettes of a depth camera share their fattening: it does not average out.
-    size = Figure(float(values[2]), float(np.hypot(sigma[2], 1.5 * config.depth_sigma)))
-    place = float(np.sqrt(0.5 * (sigma[0] ** 2 + sigma[1] ** 2) + config.depth_sigma**2))
+    size = Figure(float(values[2]), float(np.hypot(sigma[2], 1.5 * sensors.depth_silhouette_sigma)))
+    place = float(
+        np.sqrt(0.5 * (sigma[0] ** 2 + sigma[1] ** 2) + sensors.depth_silhouette_sigma**2)
+    )
     circle = one.fit.kind == "circle"
     return Leg(
         shape="circle" if circle else "rectangle",

@@ -50,12 +50,13 @@ def gather_scans(
     centre: Floats,
     *,
     config: LegsConfig,
+    range_noise: float,
 ) -> Scans | None:
     """Stream the scans, combine those of a stop, thin those of the drives; None without any.
 
     Memory is bounded: ``config.stop_scans`` a stop and ``config.moving_scans`` in all are kept,
     whatever the recording's length. ``stop_poses`` are the used snapshots' by index, ``centre``
-    (2,) the table's in the map.
+    (2,) the table's in the map, ``range_noise`` (metres) one beam's.
     """
     if recording.names.laser is None:
         return None
@@ -86,7 +87,7 @@ def gather_scans(
             continue
         mount = recording.base_from_laser(stop.first.stamp_ns)
         height = float(mount[2, 3])
-        ranges, noise = stop.combined(config.range_noise)
+        ranges, noise = stop.combined(range_noise)
         pose = stop_poses[index]
         rows.append(_placed(stop.first, ranges, mount, pose, pose, True, len(group_stops), noise))
         group_stops.append(index)
@@ -98,7 +99,7 @@ def gather_scans(
                 seconds = scan.time_increment * (len(scan.ranges) - 1)
                 end = trajectory.at(scan.stamp_ns + round(max(seconds, 0.0) * 1e9))
                 ranges = _cleaned(scan)
-                group, noise = len(group_stops), config.range_noise
+                group, noise = len(group_stops), range_noise
                 rows.append(_placed(scan, ranges, mount, pose, end, False, group, noise))
         group_stops.append(-1)
     return _stacked(rows, group_stops, height) if rows else None

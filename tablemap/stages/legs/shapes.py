@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from tablemap.config import LegsConfig
+from tablemap.config import LegsConfig, SensorsConfig
 from tablemap.geometry import Floats, wrap_angles
 from tablemap.stages.legs.candidates import Candidate
 from tablemap.stages.legs.evidence import Evidence
@@ -33,6 +33,7 @@ def refine(
     frame: Frame,
     *,
     config: LegsConfig,
+    sensors: SensorsConfig,
 ) -> tuple[list[Leg], float | None, float | None]:
     """Fit the legs together; return them, the beam's half width and the range bias found.
 
@@ -46,15 +47,15 @@ def refine(
     beam = bias = None
     for group in _alike(accepted):
         evidence = [c.evidence for c in group if c.evidence is not None]
-        rough = _best(group, evidence, (group[0].kind,), information, frame, config)
+        rough = _best(group, evidence, (group[0].kind,), information, frame, sensors)
         evidence = _weighted(evidence, rough, scans)
-        fit = _best(group, evidence, tuple(group[0].fits), information, frame, config)
+        fit = _best(group, evidence, tuple(group[0].fits), information, frame, sensors)
         legs += [
             _leg(
                 fit,
                 i,
                 candidate,
-                _systematic(candidate, registration, frame, config),
+                _systematic(candidate, registration, frame, sensors),
                 config.size_systematic,
             )
             for i, candidate in enumerate(group)
@@ -142,7 +143,7 @@ def _best(
     kinds: tuple[str, ...],
     information: Floats,
     frame: Frame,
-    config: LegsConfig,
+    sensors: SensorsConfig,
 ) -> Fit:
     """Fit all ``kinds`` to a group of alike legs and take the one with the best criterion."""
     fits = []
@@ -161,8 +162,8 @@ def _best(
                     start[:, -1] = axis
         priors = Priors(
             information,
-            (config.beam_half_width, config.beam_half_width_sigma),
-            (0.0, config.range_bias_sigma),
+            (sensors.laser_beam_half_width, sensors.laser_beam_half_width_sigma),
+            (0.0, sensors.laser_range_bias_sigma),
             yaw,
         )
         middle = start.copy()
@@ -196,7 +197,7 @@ def _ordered(values: Floats) -> Floats:
 
 
 def _systematic(
-    candidate: Candidate, registration: Registration, frame: Frame, config: LegsConfig
+    candidate: Candidate, registration: Registration, frame: Frame, sensors: SensorsConfig
 ) -> float:
     """Return metres that no residual shows, relative to the table.
 
@@ -206,7 +207,7 @@ def _systematic(
     if registration.source != "laser":
         return registration.systematic
     middle = frame.surface.pose.translation
-    return config.range_scale_sigma * float(np.linalg.norm(candidate.place - middle))
+    return sensors.laser_range_scale_sigma * float(np.linalg.norm(candidate.place - middle))
 
 
 def _leg(

@@ -6,7 +6,7 @@ import numpy as np
 from shapely.geometry import Polygon
 from threadpoolctl import threadpool_limits
 
-from tablemap.config import LegsConfig
+from tablemap.config import LegsConfig, SensorsConfig
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats, Pose2
 from tablemap.recording import Recording
@@ -33,6 +33,7 @@ def find_legs(
     surface: Surface,
     *,
     config: LegsConfig,
+    sensors: SensorsConfig,
 ) -> Legs:
     """Find what carries the top: persistent silhouettes under it, each with a primitive.
 
@@ -54,19 +55,33 @@ def find_legs(
         return Legs((), (), np.zeros((0, 2)), tuple(warnings))
     frame = Frame(surface, polygon)
     with threadpool_limits(limits=1, user_api="blas"):
-        scans = _usable_scans(recording, snapshots, registration, frame, poses, config, warnings)
+        scans = _usable_scans(
+            recording, snapshots, registration, frame, poses, config, sensors, warnings
+        )
         candidates: list[Candidate] = []
         evidence: Floats = np.zeros((0, 2))
         walls: Walls = []
         if scans is not None:
             candidates, evidence, walls = find_candidates(
-                scans, snapshots, poses, frame, config=config
+                scans, snapshots, poses, frame, config=config, sensors=sensors
             )
             candidates = judge(candidates, frame)
         accepted = [candidate for candidate in candidates if candidate.reason is None]
-        legs, beam, bias = refine(accepted, scans, registration, frame, config=config)
-        posts = find_posts(snapshots, poses, polygon, surface.height.value, walls, config=config)
-        more, refused = accept_posts(posts, legs, candidates, scans, frame, config=config)
+        legs, beam, bias = refine(
+            accepted, scans, registration, frame, config=config, sensors=sensors
+        )
+        posts = find_posts(
+            snapshots,
+            poses,
+            polygon,
+            surface.height.value,
+            walls,
+            config=config,
+            sensors=sensors,
+        )
+        more, refused = accept_posts(
+            posts, legs, candidates, scans, frame, config=config, sensors=sensors
+        )
         legs = legs + more
         highest = surface.height.value - 0.06
 
@@ -105,6 +120,7 @@ def _usable_scans(
     frame: Frame,
     poses: dict[int, Pose2],
     config: LegsConfig,
+    sensors: SensorsConfig,
     warnings: list[ProcessWarning],
 ) -> Scans | None:
     """Gather the scans, or say why there are none that cut the legs."""
@@ -123,7 +139,15 @@ def _usable_scans(
         )
         return None
     centre: Floats = frame.surface.outline.mean(axis=0)
-    scans = gather_scans(recording, snapshots, registration, poses, centre, config=config)
+    scans = gather_scans(
+        recording,
+        snapshots,
+        registration,
+        poses,
+        centre,
+        config=config,
+        range_noise=sensors.laser_range_noise,
+    )
     if scans is None:
         message = "No scan near the table: legs rest on the depth camera alone."
         warnings.append(_warning("legs.no_laser", message))

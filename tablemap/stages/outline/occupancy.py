@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, maximum_filter, uniform_filter
 
-from tablemap.config import OutlineConfig
+from tablemap.config import OutlineConfig, SensorsConfig
 from tablemap.geometry import Floats
 from tablemap.stages.outline.plane import ViewPlane, axial_noise
 from tablemap.stages.segmentation import Label
@@ -51,7 +51,12 @@ class Occupancy:
 
 
 def observe(
-    snapshot: Snapshot, labels: NDArray[np.uint8], plane: ViewPlane, *, config: OutlineConfig
+    snapshot: Snapshot,
+    labels: NDArray[np.uint8],
+    plane: ViewPlane,
+    *,
+    config: OutlineConfig,
+    sensors: SensorsConfig,
 ) -> Occupancy | None:
     """Tell top, below, front and missing apart round the pixels labelled as top.
 
@@ -82,7 +87,9 @@ def observe(
 
     smooth_top = gaussian_filter(top.astype(np.float32), config.smoothing_px, truncate=3.0)
     below &= ~_mixed(depth, height, fall, below, smooth_top, snapshot, rows, columns, config)
-    bridged = _shadowed(depth, top, below, front, known, snapshot.camera.fx, config.baseline)
+    bridged = _shadowed(
+        depth, top, below, front, known, snapshot.camera.fx, sensors.projector_baseline
+    )
     smooth_top, share = _filled(top, below, bridged, ~known, config)
     return Occupancy(
         origin=(rows.start, columns.start),

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
-from tablemap.config import OutlineConfig
+from tablemap.config import OutlineConfig, SensorsConfig
 from tablemap.geometry import Floats
 from tablemap.stages.segmentation import Label, ViewSegmentation
 from tablemap.stages.snapshots import Snapshot
@@ -56,7 +56,11 @@ def axial_noise(depth: NDArray[np.floating]) -> NDArray[np.floating]:
 
 
 def fit_plane(
-    snapshot: Snapshot, view: ViewSegmentation, *, config: OutlineConfig
+    snapshot: Snapshot,
+    view: ViewSegmentation,
+    *,
+    config: OutlineConfig,
+    sensors: SensorsConfig,
 ) -> ViewPlane | None:
     """Fit the top's plane to the inner pixels of one view, level unless the view insists.
 
@@ -92,7 +96,7 @@ def fit_plane(
         weight = np.square(np.clip(1 - np.square(residual / (4.685 * spread)), 0, None))
         normal = (design * weight[:, None]).T @ design * (worth / spread**2)
         right = (design * weight[:, None]).T @ points[:, 2] * (worth / spread**2)
-        normal[[1, 2], [1, 2]] += np.radians(config.slope_prior_deg) ** -2
+        normal[[1, 2], [1, 2]] += np.radians(sensors.calibrated_view_tilt_sigma_deg) ** -2
         normal[0, 0] += 1e-9
         solution = np.linalg.solve(normal, right)
     residual = points[:, 2] - design @ solution

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tablemap.config import OutlineConfig
+from tablemap.config import OutlineConfig, SensorsConfig
 from tablemap.errors import EstimationError, ProcessWarning
 from tablemap.geometry import Floats
 from tablemap.stages.calibration import Calibration
@@ -38,6 +38,7 @@ def find_edges(
     segmentation: Segmentation,
     *,
     config: OutlineConfig,
+    sensors: SensorsConfig,
     calibration: Calibration | None = None,
 ) -> Outline:
     """Find sub-pixel edge points of the top in every used view and say what made each.
@@ -53,7 +54,7 @@ def find_edges(
 
     own: dict[int, ViewPlane] = {}
     for view in used:
-        plane = fit_plane(by_index[view.index], view, config=config)
+        plane = fit_plane(by_index[view.index], view, config=config, sensors=sensors)
         if plane is None:
             warnings.append(_set_aside(by_index[view.index], "shows too little of the top"))
         else:
@@ -73,7 +74,7 @@ def find_edges(
             continue
         snapshot = by_index[view.index]
         plane = _shrunk(own[view.index], height, scatter)
-        seen = observe(snapshot, view.labels, plane, config=config)
+        seen = observe(snapshot, view.labels, plane, config=config, sensors=sensors)
         if seen is not None:
             traced.append(_TracedView(snapshot, plane, seen, trace(seen, snapshot, config=config)))
 

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial import cKDTree
 
-from tablemap.config import RegistrationConfig
 from tablemap.geometry import Floats, Pose2, wrap_angles
 from tablemap.stages.registration.graph import Edge, accumulate, edge_errors, edge_jacobians
 from tablemap.stages.registration.result import StopScan
@@ -41,14 +40,20 @@ def polish(
     pairs: Sequence[tuple[int, int]],
     edges: Sequence[Edge],
     *,
-    config: RegistrationConfig,
+    gates: Sequence[float],
+    kernel: float,
+    correlation: float,
+    bias_sigma: float,
     settled: float = 1e-6,
 ) -> Polished:
     """Refine all poses (n, 3) by one Gauss-Newton over the points of all pairs, both ways.
 
     ``edges`` (odometry) hold what the scans leave open; ``stops`` without a scan are None. The
-    iteration at a gate ends with steps below ``settled`` (metres, radians). The
-    covariance counts each beam once however many pairs it serves, ``correlation`` beams as one.
+    points are paired within each of the ``gates`` in turn, metres, and weighed by a Geman-McClure
+    kernel of at least ``kernel`` metres. ``bias_sigma`` is the nuisance's prior: metres along unit
+    ``directions``, a share along longer ones. The iteration at a gate ends with steps below
+    ``settled`` (metres, radians). The covariance counts each beam once however many pairs it
+    serves, ``correlation`` beams as one.
     """
     scans = {i: stop for i, stop in enumerate(stops) if stop is not None and len(stop.points)}
     trees = {i: cKDTree(stop.points) for i, stop in scans.items()}
@@ -56,20 +61,20 @@ def polish(
     ordered = sorted({*both, *((b, a) for a, b in both)})
     poses = poses.astype(np.float64).copy()
     size = 3 * len(poses) + 1
-    bias, sigma = 0.0, config.kernel
+    bias, sigma = 0.0, kernel
     sums = _Sums(np.zeros((size, size)), np.zeros(size), 0.0, 0.0, np.zeros(len(poses)))
     # Every beam serves in up to 2 (n - 1) residuals, and neighbours err together.
     repeats = max(2.0 * len(ordered) / max(2 * len(scans), 1), 1.0)
     thinning = np.mean([_every(stop) for stop in scans.values()]) if scans else 1.0
-    effective = repeats * max(config.correlation / float(thinning), 1.0)
-    for gate in config.gates:
-        kernel = max(config.kernel, gate / 5)
+    effective = repeats * max(correlation / float(thinning), 1.0)
+    for gate in gates:
+        width = max(kernel, gate / 5)
         for _ in range(_ITERATIONS_A_GATE):
-            sums = _correspond(scans, trees, ordered, poses, bias, gate, kernel)
+            sums = _correspond(scans, trees, ordered, poses, bias, gate, width)
             sigma = max(float(np.sqrt(sums.squared / max(sums.weight, 1e-9))), _LEAST_SIGMA)
             variance = sigma**2 * effective
             system, gradient = sums.system / variance, sums.gradient / variance
-            _add_priors(system, gradient, poses, bias, edges, config)
+            _add_priors(system, gradient, poses, bias, edges, bias_sigma)
             step = cho_solve(cho_factor(system), -gradient)
             poses += step[:-1].reshape(-1, 3)
             poses[:, 2] = wrap_angles(poses[:, 2])
@@ -77,7 +82,7 @@ def polish(
             if np.abs(step).max() < settled:
                 break
     system = sums.system / (sigma**2 * effective)
-    _add_priors(system, np.zeros(size), poses, bias, edges, config)
+    _add_priors(system, np.zeros(size), poses, bias, edges, bias_sigma)
     covariance = cho_solve(cho_factor(system), np.eye(size))[:-1, :-1]
     return Polished(poses, covariance, bias, sigma, sums.matched)
 
@@ -155,7 +160,7 @@ def _add_priors(
     poses: Floats,
     bias: float,
     edges: Sequence[Edge],
-    config: RegistrationConfig,
+    bias_sigma: float,
 ) -> None:
     if edges:
         jacobian, columns = edge_jacobians(poses, edges)
@@ -165,5 +170,5 @@ def _add_priors(
         accumulate(system, gradient, jacobian, columns, information, edge_errors(poses, edges))
     loose = np.arange(len(system) - 1)
     system[loose, loose] += _LOOSE
-    system[-1, -1] += 1.0 / config.range_bias_sigma**2
-    gradient[-1] += bias / config.range_bias_sigma**2
+    system[-1, -1] += 1.0 / bias_sigma**2
+    gradient[-1] += bias / bias_sigma**2

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from tablemap.config import RegistrationConfig
+from tablemap.config import RegistrationConfig, SensorsConfig
 from tablemap.errors import EstimationError, ProcessWarning
 from tablemap.events import Record
 from tablemap.geometry import Floats, Pose2
@@ -33,6 +33,7 @@ def register(
     *,
     edges: Callable[[], Outline],
     config: RegistrationConfig,
+    sensors: SensorsConfig,
     record: Record,
 ) -> Registration:
     """Place all snapshots in the map, relative to each other to millimetres, and check it.
@@ -54,11 +55,23 @@ def register(
                 record(stop)
         if sum(stop is not None for stop in stops) >= 2:
             solution = register_laser(
-                stops, snapshots, odometry, initial, config=config, record=record
+                stops,
+                snapshots,
+                odometry,
+                initial,
+                config=config,
+                sensors=sensors,
+                record=record,
             )
         else:
             solution = register_depth(
-                snapshots, edges, odometry, initial, config=config, record=record
+                snapshots,
+                edges,
+                odometry,
+                initial,
+                config=config,
+                sensors=sensors,
+                record=record,
             )
         fit, placement = place_in_map(solution.poses, localised)
     poses = tuple(fit @ Pose2.from_array(pose) for pose in solution.poses)
@@ -77,7 +90,7 @@ def register(
         source=solution.source,
         systematic=solution.systematic,
         warnings=tuple(warnings),
-        stretch_sigma=config.stretch_sigma if solution.source == "laser" else 0.0,
+        stretch_sigma=sensors.laser_range_scale_sigma if solution.source == "laser" else 0.0,
     )
 
 

@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from tablemap.config import SegmentationConfig
+from tablemap.config import SegmentationConfig, SensorsConfig
 from tablemap.geometry import Floats
 from tablemap.stages.segmentation.result import TableCandidate
 from tablemap.stages.segmentation.views import View, inside, tolerance
@@ -61,7 +61,10 @@ def region(view: View, candidate: TableCandidate, reach: float) -> NDArray[np.bo
 
 
 def joint_height(
-    views: list[View], candidate: TableCandidate, config: SegmentationConfig
+    views: list[View],
+    candidate: TableCandidate,
+    config: SegmentationConfig,
+    sensors: SensorsConfig,
 ) -> Height | None:
     """Estimate the height from all views: the histogram's mode, then each view, then their mean.
 
@@ -84,7 +87,7 @@ def joint_height(
     planes: dict[int, Plane] = {}
     weights: list[float] = []
     for view, near, place in zip(views, samples, places, strict=True):
-        found = _view_height(view, near, place, mode, config)
+        found = _view_height(view, near, place, mode, config, sensors)
         if found is not None:
             planes[view.snapshot.index], sigma, pixels = found
             weights.append(min(pixels, 20_000) / (sigma**2 + 0.002**2))
@@ -133,6 +136,7 @@ def _view_height(
     place: NDArray[np.bool_],
     mode: float,
     config: SegmentationConfig,
+    sensors: SensorsConfig,
 ) -> tuple[Plane, float, int] | None:
     """Return one view's plane, its pixels' noise and their number, or None where too few.
 
@@ -162,10 +166,10 @@ def _view_height(
         mine = core
     points = view.points[mine].astype(np.float64)
     noise = float(np.median(view.sigma[mine]))
-    return _plane(points, noise, config), noise, int(mine.sum())
+    return _plane(points, noise, sensors), noise, int(mine.sum())
 
 
-def _plane(points: Floats, noise: float, config: SegmentationConfig) -> Plane:
+def _plane(points: Floats, noise: float, sensors: SensorsConfig) -> Plane:
     """Fit a plane to (n, 3) points, robustly, its tilt held near zero by a prior."""
     middle = np.median(points[:, :2], axis=0)
     arms = points[:, :2] - middle
@@ -173,7 +177,7 @@ def _plane(points: Floats, noise: float, config: SegmentationConfig) -> Plane:
     fit = np.array([float(np.median(heights)), 0.0, 0.0])
     rows = np.concatenate([np.ones((len(arms), 1)), arms], axis=1)
     gate = max(6 * noise, 0.008)
-    tilt = np.deg2rad(config.view_tilt_sigma_deg)
+    tilt = np.deg2rad(sensors.calibrated_view_tilt_sigma_deg)
     # Neighbouring pixels err alike: a hundred count as one against the prior.
     prior = np.diag([0.0, 1 / tilt**2, 1 / tilt**2]) * 100 * (noise**2 + 0.002**2)
     for _ in range(6):

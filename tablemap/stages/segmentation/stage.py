@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tablemap.config import SegmentationConfig
+from tablemap.config import SegmentationConfig, SensorsConfig
 from tablemap.errors import EstimationError, ProcessWarning
 from tablemap.events import Record, ignore
 from tablemap.stages.segmentation.candidates import STRIDE_PX, rank_tables
@@ -21,6 +21,7 @@ def segment(
     snapshots: tuple[Snapshot, ...],
     *,
     config: SegmentationConfig,
+    sensors: SensorsConfig,
     near: tuple[float, float] | None = None,
     candidate: TableCandidate | None = None,
     record: Record = ignore,
@@ -39,7 +40,7 @@ def segment(
     else:
         candidates, chosen, warnings = (candidate,), candidate, []
     candidates = tuple(replace(c, chosen=c is chosen) for c in candidates)
-    height = joint_height(coarse, chosen, config)
+    height = joint_height(coarse, chosen, config, sensors)
     if height is None:
         raise EstimationError(
             f"Expected a table top of {chosen.height:.2f} m height at {_place(chosen)} in the map, "

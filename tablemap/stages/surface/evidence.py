@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tablemap.config import SurfaceConfig
+from tablemap.config import SensorsConfig, SurfaceConfig
 from tablemap.errors import EstimationError, ProcessWarning
 from tablemap.geometry import Bools, Floats, Ints, Pose2
 from tablemap.stages.outline import EdgeKind, Outline, ViewEdges
@@ -86,7 +86,10 @@ class Evidence:
 
 
 def gather(
-    outline: Outline, registration: Registration, config: SurfaceConfig
+    outline: Outline,
+    registration: Registration,
+    config: SurfaceConfig,
+    sensors: SensorsConfig,
 ) -> tuple[Evidence, tuple[ProcessWarning, ...]]:
     """Collect what all used views saw of the outline.
 
@@ -140,7 +143,7 @@ def gather(
         view=index,
         is_near=near.astype(bool),
         poses=poses,
-        prior_root=corrections_root(views, poses, registration, config),
+        prior_root=corrections_root(views, poses, registration, sensors),
         views=np.array([v.index for v in views], dtype=np.int64),
         view_slices=slices,
         top=top,
@@ -150,7 +153,7 @@ def gather(
         points=place(in_base, index, poses),
         normals=turn(normal, poses[index, 2]),
         common_mean=CommonNuisances().pack(),
-        common_sigma=common_sigmas(outline, registration, config).pack(),
+        common_sigma=common_sigmas(outline, registration, config, sensors).pack(),
         pose_sigma=pose_sigma(registration),
         skew_sigma=skew_sigma(registration, poses),
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tablemap.config import SurfaceConfig
+from tablemap.config import SensorsConfig, SurfaceConfig
 from tablemap.geometry import Floats
 from tablemap.stages.outline import Outline, ViewEdges
 from tablemap.stages.registration import Registration
@@ -25,7 +25,7 @@ def skew_sigma(registration: Registration, poses: Floats) -> float:
 
 
 def common_sigmas(
-    outline: Outline, registration: Registration, config: SurfaceConfig
+    outline: Outline, registration: Registration, config: SurfaceConfig, sensors: SensorsConfig
 ) -> CommonNuisances:
     """Return the prior standard deviations of the nuisances that all views share.
 
@@ -35,13 +35,14 @@ def common_sigmas(
     where the rim is bevelled or rounded, millimetres early. On a face that shows, this shows; a
     small rounding does not.
     """
-    scale = config.scale_sigma if outline.scale is None else outline.scale.sigma_trusting
+    unknown = sensors.calibrated_depth_scale_sigma_surface
+    scale = unknown if outline.scale is None else outline.scale.sigma_trusting
     shift = max(registration.systematic / config.systematic_sigmas, 1e-6)
-    set_back = config.rim_set_back if outline.is_dull else config.edge_set_back
+    set_back = sensors.rim_set_back if outline.is_dull else sensors.sharp_rim_set_back
     return CommonNuisances(
         scale=max(scale, 1e-6),
-        near_bias=config.near_bias_sigma,
-        far_bias=config.far_bias_sigma,
+        near_bias=sensors.near_edge_bias,
+        far_bias=sensors.far_edge_bias,
         shift_x=shift,
         shift_y=shift,
         set_back=max(set_back, 1e-6),
@@ -49,7 +50,7 @@ def common_sigmas(
 
 
 def corrections_root(
-    views: list[ViewEdges], poses: Floats, registration: Registration, config: SurfaceConfig
+    views: list[ViewEdges], poses: Floats, registration: Registration, sensors: SensorsConfig
 ) -> Floats:
     """Return the (4n, m) root of the views' corrections: x, y, yaw, scale of each of n snapshots.
 
@@ -63,7 +64,7 @@ def corrections_root(
     drive = poses - poses.mean(axis=0)
     drive[:, 2] = 0.0
     is_laser = registration.source == "laser"
-    drive *= config.laser_scale_sigma if is_laser else config.drive_scale_sigma
+    drive *= sensors.laser_range_scale_sigma if is_laser else sensors.drive_scale_sigma
     size, scale = ViewCorrections.COUNT, ViewCorrections.place("scale")
     own = np.zeros((count, size, len(views)))
     own[[view.index for view in views], scale, np.arange(len(views))] = [

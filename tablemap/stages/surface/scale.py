@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import norm
 
-from tablemap.config import SurfaceConfig
+from tablemap.config import SensorsConfig, SurfaceConfig
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats
 from tablemap.stages.outline import Outline
@@ -39,13 +39,17 @@ class ScaleBelief:
 
 
 def settle_scale(
-    candidate: Candidate, outline: Outline, evidence: Evidence, config: SurfaceConfig
+    candidate: Candidate,
+    outline: Outline,
+    evidence: Evidence,
+    config: SurfaceConfig,
+    sensors: SensorsConfig,
 ) -> tuple[Candidate, ScaleBelief]:
     """Fit a candidate again at the scale that all say together, its spread widened by what is open.
 
-    The prior is a mixture: with the weight ``trusted_height`` the camera's height is right to a
-    millimetre, else within what the calibration allows. An estimate moves little for weak evidence,
-    and its sigma admits both.
+    The prior is a mixture: with the weight ``sensors.camera_height_trusted`` the camera's
+    height is right to a millimetre, else within what the calibration allows. An estimate moves
+    little for weak evidence, and its sigma admits both.
     """
     trusting = CommonNuisances.unpack(evidence.common_sigma).scale
     wide = trusting if outline.scale is None else max(outline.scale.sigma, trusting)
@@ -72,7 +76,7 @@ def settle_scale(
         under=CommonNuisances.unpack(open_prior.common_sigma).scale,
         trusting=trusting,
         wide=wide,
-        config=config,
+        trusted=sensors.camera_height_trusted,
     )
     settled = again(_with_prior(evidence, belief.value, 1e-6), loose)
     lever = loose.spread.by_scale
@@ -98,18 +102,19 @@ def believe(
     under: float,
     trusting: float,
     wide: float,
-    config: SurfaceConfig,
+    trusted: float,
 ) -> ScaleBelief:
     """Take the prior ``under`` which a fit found ``mean`` out of its posterior, and a mixture in.
 
-    ``trusting`` and ``wide`` are the mixture's standard deviations, if TF is right and if not. A
+    ``trusting`` and ``wide`` are the mixture's standard deviations, if TF is right and if not;
+    ``trusted`` is the weight of the first. A
     mixture has wider tails than a normal distribution of its variance: ``sigma`` is what makes the
     95 % interval right.
     """
     precision = max(posterior**-2.0 - under**-2.0, 1e-3 * under**-2.0)
     by_edges, variance = mean / (precision * posterior**2), 1 / precision
     priors = np.array([trusting, wide]) ** 2
-    share = np.array([config.trusted_height, 1 - config.trusted_height])
+    share = np.array([trusted, 1 - trusted])
     likelihood = np.exp(-0.5 * by_edges**2 / (priors + variance)) / np.sqrt(priors + variance)
     weight = share * likelihood
     weight = weight / weight.sum() if weight.sum() > 0 else np.array([0.0, 1.0])

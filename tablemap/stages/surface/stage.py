@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tablemap.config import SurfaceConfig
+from tablemap.config import SensorsConfig, SurfaceConfig
 from tablemap.errors import EstimationError, ProcessWarning
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.outline import Outline
@@ -36,13 +36,14 @@ def fit_surface(
     registration: Registration,
     *,
     config: SurfaceConfig,
+    sensors: SensorsConfig,
     seed: int,
 ) -> Surface:
     """Fit every primitive to the table edges of all views at once and choose among them.
 
     Raises `EstimationError` where too little of the top was seen for any outline.
     """
-    evidence, warnings = gather(outline, registration, config)
+    evidence, warnings = gather(outline, registration, config, sensors)
     candidates = fit_candidates(evidence, config, np.random.default_rng(seed))
     if not candidates:
         raise EstimationError(
@@ -54,7 +55,7 @@ def fit_surface(
     scores = weights([c.cost for c in standing]) if standing else []
     if not standing:
         standing, fallen, scores = candidates, [], weights([c.cost for c in candidates])
-    chosen, belief = settle_scale(standing[0], outline, evidence, config)
+    chosen, belief = settle_scale(standing[0], outline, evidence, config, sensors)
     standing[0] = chosen
     primitives = [
         _primitive(candidate, score, evidence, config)

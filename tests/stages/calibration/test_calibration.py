@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tablemap.config import CalibrationConfig
+from tablemap.config import CalibrationConfig, SensorsConfig
 from tablemap.geometry import Pose2
 from tablemap.stages.calibration import Calibration, calibrate
 from tablemap.stages.snapshots import Snapshot
 from tests.making.rendering import CAMERA, Box, mounting, round_trip, table, tilted
 
 CONFIG = CalibrationConfig()
+SENSORS = SensorsConfig()
 
 
 def height_sigma(result: Calibration, height: float) -> float:
@@ -31,7 +32,7 @@ def test_tilt_and_scale_come_out_within_targets() -> None:
         recorded_mount=mounting(),
         depth_scale=1.004,
     )
-    result = calibrate(snapshots, config=CONFIG)
+    result = calibrate(snapshots, config=CONFIG, sensors=SENSORS)
     assert np.rad2deg(result.roll) == pytest.approx(0.3, abs=0.03)
     assert np.rad2deg(result.pitch) == pytest.approx(-0.5, abs=0.03)
     assert result.depth_scale == pytest.approx(1 / 1.004, abs=0.001)
@@ -61,7 +62,9 @@ def panning(*, errs_with_the_head: bool) -> tuple[Snapshot, ...]:
 @pytest.mark.parametrize("errs_with_the_head", [True, False])
 def test_a_pitch_turns_with_the_head_or_stays_with_the_base(errs_with_the_head: bool) -> None:
     """Which of the two is off is told by the floor to all sides, and every view's floor is flat."""
-    result = calibrate(panning(errs_with_the_head=errs_with_the_head), config=CONFIG)
+    result = calibrate(
+        panning(errs_with_the_head=errs_with_the_head), config=CONFIG, sensors=SENSORS
+    )
     assert np.rad2deg([result.roll, result.pitch]) == pytest.approx([0.0, 0.4], abs=0.03)
     assert result.depth_scale == pytest.approx(1.0, abs=0.002)
     for snapshot in result.snapshots:
@@ -74,9 +77,9 @@ def test_a_pitch_turns_with_the_head_or_stays_with_the_base(errs_with_the_head: 
 
 def test_what_the_floor_cannot_tell_stays_in_the_covariance() -> None:
     """From one camera height, scale and height stay as open as the priors leave them."""
-    result = calibrate(round_trip([], (0.0, 0.0)), config=CONFIG)
+    result = calibrate(round_trip([], (0.0, 0.0)), config=CONFIG, sensors=SENSORS)
     scale_sigma = np.sqrt(result.joint_covariance[2, 2])
-    assert scale_sigma == pytest.approx(CONFIG.camera_height_sigma / 1.1, rel=0.15)
+    assert scale_sigma == pytest.approx(SENSORS.camera_height_sigma / 1.1, rel=0.15)
     assert height_sigma(result, 0.0) < 0.001 < 0.002 < height_sigma(result, 0.74)
 
 
@@ -89,8 +92,12 @@ def test_a_camera_held_by_hand_is_not_believed_its_height() -> None:
         low[2, 3] -= 0.02
         view = round_trip([], (0.0, 0.0), views=1, mount=mount, recorded_mount=low, seed=index)[0]
         views.append(replace(view, index=index))
-    held = calibrate(tuple(views), config=CONFIG)
-    firm = calibrate(tuple(views), config=CONFIG.model_copy(update={"held_roll_deg": 90.0}))
+    held = calibrate(tuple(views), config=CONFIG, sensors=SENSORS)
+    firm = calibrate(
+        tuple(views),
+        config=CONFIG.model_copy(update={"held_roll_deg": 90.0}),
+        sensors=SENSORS,
+    )
     assert held.height_correction > 2 * firm.height_correction
     assert abs(held.depth_scale - 1) < 0.7 * abs(firm.depth_scale - 1)
     assert held.joint_covariance[2, 2] > firm.joint_covariance[2, 2]
@@ -108,7 +115,7 @@ def nodding(focal: float, tilts_deg: list[float]) -> tuple[Snapshot, ...]:
 
 def test_a_wrong_focal_length_shows_where_tilts_differ() -> None:
     """A focal length 4 % off is found to half a percent, corrected in every view, and said."""
-    result = calibrate(nodding(0.96, list(np.linspace(18, 40, 12))), config=CONFIG)
+    result = calibrate(nodding(0.96, list(np.linspace(18, 40, 12))), config=CONFIG, sensors=SENSORS)
     assert result.focal is not None
     assert result.focal.applied
     assert result.focal.scale == pytest.approx(0.96, abs=0.005)
@@ -120,19 +127,19 @@ def test_a_wrong_focal_length_shows_where_tilts_differ() -> None:
 
 def test_a_right_focal_length_is_left_alone() -> None:
     """Nothing is corrected where the camera is right, nor where too few tilts could tell."""
-    result = calibrate(nodding(1.0, list(np.linspace(18, 40, 12))), config=CONFIG)
+    result = calibrate(nodding(1.0, list(np.linspace(18, 40, 12))), config=CONFIG, sensors=SENSORS)
     assert result.focal is not None
     assert not result.focal.applied
     assert result.focal.scale == pytest.approx(1.0, abs=0.005)
     assert result.snapshots[0].camera == CAMERA
-    few = calibrate(nodding(0.96, [18.0, 25.0, 40.0]), config=CONFIG)
+    few = calibrate(nodding(0.96, [18.0, 25.0, 40.0]), config=CONFIG, sensors=SENSORS)
     assert few.focal is None
 
 
 def test_a_low_shelf_does_not_pass_for_the_floor() -> None:
     """A platform of 6 cm that fills much of the view leaves the camera where it is."""
     platform = [Box(0.0, 0.0, 1.6, 1.6, 0.0, 0.06)]
-    result = calibrate(round_trip(platform, (0.0, 0.0)), config=CONFIG)
+    result = calibrate(round_trip(platform, (0.0, 0.0)), config=CONFIG, sensors=SENSORS)
     assert np.rad2deg(abs(result.pitch)) < 0.1
     assert result.depth_scale == pytest.approx(1.0, abs=0.002)
 
@@ -140,10 +147,10 @@ def test_a_low_shelf_does_not_pass_for_the_floor() -> None:
 def test_without_floor_the_recorded_camera_stays() -> None:
     """Where no floor is seen the priors stay, and a warning says so."""
     plate = [Box(0.0, 0.0, 9.0, 9.0, 0.3, 0.4)]
-    result = calibrate(round_trip(plate, (0.0, 0.0), views=2), config=CONFIG)
+    result = calibrate(round_trip(plate, (0.0, 0.0), views=2), config=CONFIG, sensors=SENSORS)
     assert [w.code for w in result.warnings] == ["calibration.no_floor"]
     assert (result.roll, result.pitch, result.depth_scale) == (0.0, 0.0, 1.0)
-    assert np.sqrt(result.covariance[2, 2]) == pytest.approx(CONFIG.scale_sigma)
+    assert np.sqrt(result.covariance[2, 2]) == pytest.approx(SENSORS.depth_scale_sigma)
 
 
 def raised(level: float, base_z: float) -> tuple[Snapshot, ...]:
@@ -158,8 +165,8 @@ def raised(level: float, base_z: float) -> tuple[Snapshot, ...]:
 
 def test_a_floor_at_the_bases_origin_is_the_floor_wherever_the_map_begins() -> None:
     """A map 0.5 m lower than the floor changes nothing but ``floor_z``, and is said."""
-    result = calibrate(raised(0.5, 0.5), config=CONFIG)
-    usual = calibrate(raised(0.0, 0.0), config=CONFIG)
+    result = calibrate(raised(0.5, 0.5), config=CONFIG, sensors=SENSORS)
+    usual = calibrate(raised(0.0, 0.0), config=CONFIG, sensors=SENSORS)
     assert result.floor_z == 0.5
     assert usual.floor_z == 0.0
     assert [w.code for w in result.warnings] == ["calibration.floor_level"]
@@ -171,16 +178,18 @@ def test_a_floor_at_the_bases_origin_is_the_floor_wherever_the_map_begins() -> N
 
 def test_a_map_that_begins_at_the_camera_leaves_the_cameras_height_open() -> None:
     """The floor is found 1.1 m lower to 5 mm; how high the camera is stays open, as sigma says."""
-    result = calibrate(raised(-1.1, 0.0), config=CONFIG)
+    result = calibrate(raised(-1.1, 0.0), config=CONFIG, sensors=SENSORS)
     assert result.floor_z == pytest.approx(-1.1, abs=0.005)
-    assert np.sqrt(result.joint_covariance[2, 2]) == pytest.approx(CONFIG.scale_sigma, rel=0.1)
+    assert np.sqrt(result.joint_covariance[2, 2]) == pytest.approx(
+        SENSORS.depth_scale_sigma, rel=0.1
+    )
     assert abs(result.depth_scale - 1.0) < np.sqrt(result.joint_covariance[2, 2])
 
 
 @pytest.mark.parametrize("level", [0.06, -0.04])
 def test_a_base_that_does_not_stand_on_the_floor_is_no_wrong_scale(level: float) -> None:
     """Centimetres between floor and base are the floor's level, not five percent of all depth."""
-    result = calibrate(raised(level, 0.0), config=CONFIG)
+    result = calibrate(raised(level, 0.0), config=CONFIG, sensors=SENSORS)
     assert result.floor_z == pytest.approx(level, abs=0.005)
     assert result.depth_scale == pytest.approx(1.0, abs=0.01)
     assert np.sqrt(result.joint_covariance[2, 2]) > abs(result.depth_scale - 1)
@@ -188,17 +197,22 @@ def test_a_base_that_does_not_stand_on_the_floor_is_no_wrong_scale(level: float)
 
 def test_no_snapshots_and_empty_images_are_no_floor() -> None:
     """Nothing to see is a warning, not an exception."""
-    assert calibrate((), config=CONFIG).warnings[0].code == "calibration.no_floor"
+    assert calibrate((), config=CONFIG, sensors=SENSORS).warnings[0].code == "calibration.no_floor"
     snapshots = round_trip([Box(0, 0, 30, 30, 0.0, 1.0)], (0.0, 0.0), views=1)
     snapshots[0].depth[:] = np.nan
-    assert calibrate(snapshots, config=CONFIG).warnings[0].code == "calibration.no_floor"
+    assert (
+        calibrate(snapshots, config=CONFIG, sensors=SENSORS).warnings[0].code
+        == "calibration.no_floor"
+    )
 
 
 def test_an_implausible_camera_is_a_warning() -> None:
     """A pitch of 3 degrees is corrected and doubted."""
     true = tilted(mounting(), roll=0.0, pitch=np.deg2rad(3.0))
     result = calibrate(
-        round_trip([], (0.0, 0.0), mount=true, recorded_mount=mounting()), config=CONFIG
+        round_trip([], (0.0, 0.0), mount=true, recorded_mount=mounting()),
+        config=CONFIG,
+        sensors=SENSORS,
     )
     assert np.rad2deg(result.pitch) == pytest.approx(3.0, abs=0.3)
     assert "accuracy.calibration" in [w.code for w in result.warnings]
@@ -206,7 +220,7 @@ def test_an_implausible_camera_is_a_warning() -> None:
 
 def test_coarse_steps_leave_the_scale_open() -> None:
     """Depth in 39 mm steps is calibrated, and the result says how little it knows."""
-    result = calibrate(round_trip([], (0.0, 0.0), step=0.039), config=CONFIG)
+    result = calibrate(round_trip([], (0.0, 0.0), step=0.039), config=CONFIG, sensors=SENSORS)
     assert np.rad2deg(abs(result.pitch)) < 0.5
     assert np.sqrt(result.joint_covariance[4, 4]) > 0.003
     assert abs(result.depth_scale - 1.0) < 3 * np.sqrt(result.covariance[2, 2])

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tablemap.config import CrossCheckConfig, LegsConfig, SurfaceConfig
+from tablemap.config import CrossCheckConfig, LegsConfig, SensorsConfig, SurfaceConfig
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.crosscheck import CrossCheck, admitted_legs, corrected, cross_check
 from tablemap.stages.legs import Leg, Legs, find_legs
@@ -15,6 +15,8 @@ from tablemap.stages.outline import Outline
 from tablemap.stages.surface import Figure, fit_surface
 from tests.making.edges import Bench, Table, box_table, ellipse_table, observe
 from tests.making.leg_scenes import Scene, drive, four
+
+SENSORS = SensorsConfig()
 
 # What a laser leaves: poses good to half a millimetre, the depth scale calibrated.
 LAP = Bench(place_sigma=0.0005, yaw_sigma=np.radians(0.01), scale_sigma=0.0005, points=200)
@@ -27,8 +29,8 @@ def checked(
     outline, registration = observe(table, bench, np.random.default_rng(seed))
     registration = replace(registration, source=source, systematic=0.008)
     outline = _displaced(outline, offset)
-    surface = fit_surface(outline, registration, config=SurfaceConfig(), seed=0)
-    return cross_check(outline, surface, registration, config=CrossCheckConfig())
+    surface = fit_surface(outline, registration, config=SurfaceConfig(), sensors=SENSORS, seed=0)
+    return cross_check(outline, surface, registration, config=CrossCheckConfig(), sensors=SENSORS)
 
 
 def _displaced(outline: Outline, offset: Pose2) -> Outline:
@@ -115,11 +117,15 @@ def _with_legs(offset: Pose2, *, leaning: float = 0.0, seed: int = 0, stops: int
     snapshots = tuple(
         replace(s, base_from_camera=_about_itself(s.base_from_camera, believed)) for s in snapshots
     )
-    legs = find_legs(recording, snapshots, registration, surface, config=LegsConfig())
+    legs = find_legs(
+        recording, snapshots, registration, surface, config=LegsConfig(), sensors=SENSORS
+    )
     assert len(legs.legs) == 4
     outline = Outline((), scene.height, 0.001, {}, None, None, ())
     config = CrossCheckConfig()
-    return cross_check(outline, surface, registration, legs.legs, snapshots, config=config)
+    return cross_check(
+        outline, surface, registration, legs.legs, snapshots, config=config, sensors=SENSORS
+    )
 
 
 def _about_itself(base_from_camera: Floats, offset: Pose2) -> Floats:
@@ -165,12 +171,12 @@ def test_a_mended_outline_shows_no_offset() -> None:
     outline, registration = observe(table, LAP, np.random.default_rng(0))
     registration = replace(registration, source="laser", systematic=0.008)
     outline = _displaced(outline, Pose2(0.012, 0.008, np.radians(0.8)))
-    before = fit_surface(outline, registration, config=SurfaceConfig(), seed=0)
-    cross = cross_check(outline, before, registration, config=CrossCheckConfig())
+    before = fit_surface(outline, registration, config=SurfaceConfig(), sensors=SENSORS, seed=0)
+    cross = cross_check(outline, before, registration, config=CrossCheckConfig(), sensors=SENSORS)
     assert cross.is_found
     mended = corrected(outline, cross)
-    after = fit_surface(mended, registration, config=SurfaceConfig(), seed=0)
-    again = cross_check(mended, after, registration, config=CrossCheckConfig())
+    after = fit_surface(mended, registration, config=SurfaceConfig(), sensors=SENSORS, seed=0)
+    again = cross_check(mended, after, registration, config=CrossCheckConfig(), sensors=SENSORS)
     assert not again.is_found
     # A camera turned in the base turns the top in the map: by 0.8 degrees before, not after.
     assert abs(before.pose.yaw - 0.4) > np.radians(0.5)
@@ -181,7 +187,7 @@ def test_legs_admit_what_was_found_of_the_camera() -> None:
     """A camera that may be turned by a degree leaves a leg 0.7 m out by millimetres."""
     table = box_table(1.2, 0.8, Pose2())
     outline, registration = observe(table, LAP, np.random.default_rng(0))
-    surface = fit_surface(outline, registration, config=SurfaceConfig(), seed=0)
+    surface = fit_surface(outline, registration, config=SurfaceConfig(), sensors=SENSORS, seed=0)
     size = {"diameter": Figure(0.05, 0.001)}
     leg = Leg("circle", 0.6, 0.3, 0.0, "measured", 0.0005, size, np.zeros((0, 2)), 8)
     posted = replace(leg, seen_by="depth")

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tablemap.config import SurfaceConfig
+from tablemap.config import SensorsConfig, SurfaceConfig
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.legs import Leg, Legs
 from tablemap.stages.legs.adjoining import Adjoining, find_adjoining, without
@@ -16,6 +16,8 @@ from tablemap.stages.outline import Outline
 from tablemap.stages.registration import Registration
 from tablemap.stages.surface import Surface, fit_surface
 from tests.making.edges import Bench, Table, desk, l_table, observe, polygon_table
+
+SENSORS = SensorsConfig()
 
 POSE = Pose2(0.31, -0.22, 0.37)
 TABLE = [(0.06, 0.06), (1.04, 0.06), (1.04, 0.54), (0.06, 0.54)]
@@ -30,7 +32,11 @@ TABLE_AND_STOOL = polygon_table([(float(x), float(y)) for x, y in STEP], POSE)
 def seen() -> tuple[Outline, Registration, Surface]:
     """Observe the table with its stool, and fit them as one top."""
     outline, registration = observe(TABLE_AND_STOOL, Bench(), np.random.default_rng(3))
-    return outline, registration, fit_surface(outline, registration, config=SurfaceConfig(), seed=0)
+    return (
+        outline,
+        registration,
+        fit_surface(outline, registration, config=SurfaceConfig(), sensors=SENSORS, seed=0),
+    )
 
 
 def standing(places: list[tuple[float, float]], status: str = "measured") -> Legs:
@@ -56,7 +62,7 @@ def test_a_stool_is_taken_off_and_the_table_is_right() -> None:
     assert found is not None
     assert extents(found.beside) == pytest.approx([0.36, 0.36], abs=0.02)
     left = without(outline, found, registration.map_from_base)
-    alone = fit_surface(left, registration, config=SurfaceConfig(), seed=0)
+    alone = fit_surface(left, registration, config=SurfaceConfig(), sensors=SENSORS, seed=0)
     assert alone.shape == "rectangle"
     for name, size in (("length", 1.1), ("width", 0.6)):
         figure = alone.dimensions[name]

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from shapely.geometry import Polygon
 
-from tablemap.config import LegsConfig
+from tablemap.config import LegsConfig, SensorsConfig
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.legs import Legs, find_legs
 from tablemap.stages.legs.chairs import chair_like, chair_squares
 from tablemap.stages.legs.layout import Frame
 from tests.making.leg_scenes import Scene, drive, four, surface_of
+
+SENSORS = SensorsConfig()
 
 TABLE = Pose2(0.4, -0.3, 0.6)
 ROOM = [
@@ -55,7 +57,7 @@ def found(scene: Scene, *, with_depth: bool = False, seed: int = 0) -> Legs:
     """Return the legs of a drive round the scene."""
     rng = np.random.default_rng(seed)
     given = drive(scene, rng, scans_between=8, scans_per_stop=4, with_depth=with_depth)
-    return find_legs(*given, config=LegsConfig())
+    return find_legs(*given, config=LegsConfig(), sensors=SENSORS)
 
 
 def errors(legs: Legs, truth: Floats) -> Floats:

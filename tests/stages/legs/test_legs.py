@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from shapely.geometry import Polygon
 
-from tablemap.config import LegsConfig
+from tablemap.config import LegsConfig, SensorsConfig
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.legs import Leg, Legs, find_legs
 from tablemap.stages.legs.depth import Reach
@@ -16,6 +16,8 @@ from tablemap.stages.legs.layout import Frame
 from tablemap.stages.legs.missing import infer_missing
 from tablemap.stages.surface import Figure
 from tests.making.leg_scenes import Scene, drive, four
+
+SENSORS = SensorsConfig()
 
 TABLE = Pose2(0.4, -0.3, 0.6)
 ROOM = [(-3, -3, 3, -3), (3, -3, 3, 3), (3, 3, -3, 3), (-3, 3, -3, -3)]
@@ -25,7 +27,7 @@ def _found(scene: Scene, seed: int = 0, **settings: object) -> Legs:
     rng = np.random.default_rng(seed)
     arguments = {"scans_between": 8, "scans_per_stop": 4, **settings}
     given = drive(scene, rng, **arguments)  # type: ignore[arg-type]
-    return find_legs(*given, config=LegsConfig())
+    return find_legs(*given, config=LegsConfig(), sensors=SENSORS)
 
 
 def _errors(legs: Legs, truth: Floats) -> Floats:
@@ -164,7 +166,9 @@ def test_what_moved_during_the_drive_is_refused() -> None:
     second = np.random.default_rng(5)
     other = drive(visited, second, scans_between=0, scans_per_stop=4)[0]
     recording.all[:8] = other.all[:8]
-    legs = find_legs(recording, snapshots, registration, surface, config=LegsConfig())
+    legs = find_legs(
+        recording, snapshots, registration, surface, config=LegsConfig(), sensors=SENSORS
+    )
     assert len(legs.legs) == 4
     near = [c for c in legs.rejected if np.hypot(c.x - foot[0], c.y - foot[1]) < 0.06]
     assert near and "moved" in near[0].reason
@@ -174,8 +178,8 @@ def test_results_repeat_bit_for_bit() -> None:
     """The same recording gives the same legs."""
     scene = Scene(table=TABLE, walls=ROOM, circles=[(*p, 0.025) for p in four(Scene(table=TABLE))])
     given = drive(scene, np.random.default_rng(1), scans_between=4, scans_per_stop=4)
-    first = find_legs(*given, config=LegsConfig())
-    second = find_legs(*given, config=LegsConfig())
+    first = find_legs(*given, config=LegsConfig(), sensors=SENSORS)
+    second = find_legs(*given, config=LegsConfig(), sensors=SENSORS)
     assert [(leg.x, leg.y, leg.dimensions) for leg in first.legs] == [
         (leg.x, leg.y, leg.dimensions) for leg in second.legs
     ]
@@ -218,7 +222,7 @@ def test_panels_seen_along_their_faces_stay_whole() -> None:
         replace(scan, ranges=np.where(rng.random(len(scan.ranges)) < 0.1, np.inf, scan.ranges))
         for scan in given[0].all
     ]
-    legs = find_legs(*given, config=LegsConfig())
+    legs = find_legs(*given, config=LegsConfig(), sensors=SENSORS)
     assert len(legs.legs) == 2
     assert _errors(legs, truth).max() < 0.006
     for leg in legs.legs:

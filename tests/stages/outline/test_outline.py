@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tablemap.config import OutlineConfig
+from tablemap.config import OutlineConfig, SensorsConfig
 from tablemap.errors import EstimationError
 from tablemap.stages.outline import EdgeKind, Outline, ViewEdges, find_edges
 from tablemap.stages.segmentation import Label, Segmentation
 from tests.making.photographs import Box, Drum, Scene, mount, photograph, segmentation_of
 
 CONFIG = OutlineConfig()
+SENSORS = SensorsConfig()
 LOW_CAMERA, HIGH_CAMERA = mount(1.09, 32.0), mount(1.38, 40.0)
 TOP = Box((1.3, 0.1), (0.8, 0.7), 0.72, 0.745, 0.3)
 
@@ -26,6 +27,7 @@ def outline_of(scene: Scene, *mounts: np.ndarray, seed: int = 0) -> Outline:
         tuple(snapshot for snapshot, _ in shots),
         segmentation_of([view for _, view in shots], scene.top.high),
         config=CONFIG,
+        sensors=SENSORS,
     )
 
 
@@ -187,6 +189,7 @@ def test_missing_depth_is_no_table_edge() -> None:
         (replace(snapshot, depth=depth),),
         segmentation_of([replace(view, labels=labels)], 0.745),
         config=CONFIG,
+        sensors=SENSORS,
     )
     (edges,) = outline.views
     table = edges.kind == EdgeKind.TABLE
@@ -219,13 +222,14 @@ def test_nothing_seen_is_an_error_and_little_is_a_warning() -> None:
     blind = replace(snapshot, index=1, depth=np.full_like(snapshot.depth, np.nan))
     dark = replace(view, index=1, labels=np.zeros_like(view.labels))
     with pytest.raises(EstimationError, match="no edges"):
-        find_edges((blind,), segmentation_of([dark], 0.745), config=CONFIG)
+        find_edges((blind,), segmentation_of([dark], 0.745), config=CONFIG, sensors=SENSORS)
     with pytest.raises(EstimationError, match="no edges"):
-        find_edges((), Segmentation((), 0.745, 0.002, (), ()), config=CONFIG)
+        find_edges((), Segmentation((), 0.745, 0.002, (), ()), config=CONFIG, sensors=SENSORS)
     outline = find_edges(
         (snapshot, blind),
         segmentation_of([view, dark], 0.745),
         config=CONFIG,
+        sensors=SENSORS,
     )
     assert [edges.index for edges in outline.views] == [0]
     assert [warning.code for warning in outline.warnings] == ["outline.view_without_edges"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tablemap.config import RegistrationConfig
+from tablemap.config import RegistrationConfig, SensorsConfig
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.outline import EdgeKind, Outline, ViewEdges
 from tablemap.stages.registration.depth.check import Checked, check_views
@@ -15,6 +15,7 @@ from tablemap.stages.registration.graph import Edge
 from tests.making.rooms import relative_errors
 
 CONFIG = RegistrationConfig()
+SENSORS = SensorsConfig()
 VIEWS = 8
 
 
@@ -151,9 +152,9 @@ def test_a_jump_halfway_is_mended_by_searching() -> None:
     for i in range(VIEWS // 2, VIEWS):
         poses[i] = (jump @ Pose2.from_array(poses[i])).as_array()
     held = chain(poses)
-    laid = lay_edges(top.edges, poses, held, CONFIG)
+    laid = lay_edges(top.edges, poses, held, CONFIG, SENSORS)
     laid, checked, found = search_failed(
-        top.outline, top.edges, held, laid, top.check(laid.polished.poses), CONFIG
+        top.outline, top.edges, held, laid, top.check(laid.polished.poses), CONFIG, SENSORS
     )
     place, yaw = relative_errors(laid.polished.poses, top.poses)
     assert checked.passed == VIEWS
@@ -166,10 +167,12 @@ def test_a_round_top_gives_no_heading_to_a_lost_view() -> None:
     """A lost view of a round top fits anywhere about it: it stays unused."""
     top = disc()
     poses = moved(top.poses, [5], Pose2(0.3, 0.2, 0.3))
-    laid = lay_edges(top.edges, poses, [], CONFIG.model_copy(update={"edge_gates": (0.03,)}))
+    laid = lay_edges(
+        top.edges, poses, [], CONFIG.model_copy(update={"edge_gates": (0.03,)}), SENSORS
+    )
     checked = top.check(laid.polished.poses)
     assert not checked.checks[5].passed
-    _, after, found = search_failed(top.outline, top.edges, [], laid, checked, CONFIG)
+    _, after, found = search_failed(top.outline, top.edges, [], laid, checked, CONFIG, SENSORS)
     assert found == ()
     assert not after.checks[5].passed
 
@@ -180,7 +183,7 @@ def test_a_wrong_pair_that_the_edges_contradict_is_let_go() -> None:
     wrong = Pose2.from_array(top.poses[0]).inverse() @ Pose2.from_array(top.poses[5])
     false = Edge(5, 0, wrong @ Pose2(0.15, 0.1, 0.1), np.diag([1e4, 1e4, 4e4]), robust=16.0)
     held = [*chain(top.poses), false]
-    laid = lay_edges(top.edges, top.poses, held, CONFIG)
+    laid = lay_edges(top.edges, top.poses, held, CONFIG, SENSORS)
     place, _ = relative_errors(laid.polished.poses, top.poses)
     assert laid.kept.tolist() == [True] * (VIEWS - 1) + [False]
     assert place.max() < 0.004

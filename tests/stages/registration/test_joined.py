@@ -47,11 +47,17 @@ def gap(demo_recording: Path) -> tuple[Registration, np.ndarray]:
     config = Config()
     recording = open_recording(demo_recording)
     taken = take_snapshots(recording, config=config.snapshots).snapshots
-    snapshots = calibrate(taken, config=config.calibration).snapshots
+    snapshots = calibrate(taken, config=config.calibration, sensors=config.sensors).snapshots
     cut: Any = Gap(recording, snapshots[BLIND])
     odometry = estimate_odometry(cut, snapshots, config=config.odometry, record=ignore)
     registration = register(
-        cut, snapshots, odometry, edges=no_edges, config=config.registration, record=ignore
+        cut,
+        snapshots,
+        odometry,
+        edges=no_edges,
+        config=config.registration,
+        sensors=config.sensors,
+        record=ignore,
     )
     truth = json.loads(demo_recording.with_suffix(".truth.json").read_text())["snapshots"]
     at = {each["stamp_ns"]: each["map_from_base"] for each in truth}

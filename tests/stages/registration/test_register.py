@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tablemap.config import OdometryConfig, RegistrationConfig
+from tablemap.config import OdometryConfig, RegistrationConfig, SensorsConfig
 from tablemap.errors import EstimationError
 from tablemap.events import ignore
 from tablemap.geometry import Pose2
@@ -15,6 +15,8 @@ from tablemap.stages.odometry import Odometry, Trajectory, estimate_odometry
 from tablemap.stages.outline import Outline
 from tablemap.stages.registration import PairIteration, Registration, register
 from tests.making.rooms import Drive, box, corridor, relative_errors, room
+
+SENSORS = SensorsConfig()
 
 
 def no_edges() -> Outline:
@@ -43,6 +45,7 @@ def run(
         odometry,
         edges=no_edges,
         config=config or RegistrationConfig(),
+        sensors=SENSORS,
         record=events.append,
     )
     return result, events
@@ -234,6 +237,7 @@ def test_one_snapshot_keeps_its_localised_pose() -> None:
         carried(drive),
         edges=no_edges,
         config=RegistrationConfig(),
+        sensors=SENSORS,
         record=ignore,
     )
     step = result.map_from_base[0].inverse() @ one[0].map_from_base
@@ -251,5 +255,6 @@ def test_no_snapshot_is_an_error() -> None:
             carried(drive),
             edges=no_edges,
             config=RegistrationConfig(),
+            sensors=SENSORS,
             record=ignore,
         )

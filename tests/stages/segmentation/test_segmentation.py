@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
-from tablemap.config import CalibrationConfig, SegmentationConfig, SnapshotsConfig
+from tablemap.config import CalibrationConfig, SegmentationConfig, SensorsConfig, SnapshotsConfig
 from tablemap.errors import EstimationError
 from tablemap.geometry import Pose2
 from tablemap.recording import open_recording
@@ -19,6 +19,7 @@ from tablemap.stages.snapshots import Snapshot, take_snapshots
 from tests.making.rendering import Box, mounting, round_trip, table
 
 CONFIG = SegmentationConfig()
+SENSORS = SensorsConfig()
 TABLE = table(1.0, 0.5, 1.2, 0.8, 0.74, 0.3)
 CENTRE = (1.0, 0.5)
 
@@ -35,7 +36,7 @@ def test_labels_agree_with_the_truth_though_poses_are_off() -> None:
     """With localisation 10 cm and 4 degrees off, 97 % of the top is found and little else."""
     snapshots = round_trip(TABLE, CENTRE, pose_error=(0.10, np.deg2rad(4)), seed=1)
     truth = round_trip(TABLE, CENTRE, seed=1)
-    result = segment(snapshots, config=CONFIG)
+    result = segment(snapshots, config=CONFIG, sensors=SENSORS)
     assert result.used == (0, 1, 2, 3, 4, 5)
     assert result.height == pytest.approx(0.74, abs=0.001)
     for view, snapshot, true in zip(result.views, snapshots, truth, strict=True):
@@ -52,7 +53,7 @@ def test_things_on_the_table_stand_on_it() -> None:
     cup = Box(1.0, 0.5, 0.12, 0.12, 0.74, 0.90)
     back = Box(1.0, -0.35, 0.45, 0.04, 0.45, 0.95)
     snapshots = round_trip([*TABLE, cup, back], CENTRE)
-    result = segment(snapshots, config=CONFIG)
+    result = segment(snapshots, config=CONFIG, sensors=SENSORS)
     seen_back = 0
     for view, snapshot in zip(result.views, snapshots, strict=True):
         points = snapshot.map_from_base.apply(snapshot.points_in_base())
@@ -72,7 +73,7 @@ def test_a_top_parted_by_clutter_is_one_top() -> None:
     place = Pose2(1.0, 0.5, 0.3)
     wall = Box(1.0, 0.5, 0.1, 0.84, 0.74, 0.80, 0.3)
     snapshots = round_trip([*TABLE, wall], CENTRE, mount=mounting(1.4, 32.0))
-    result = segment(snapshots, config=CONFIG)
+    result = segment(snapshots, config=CONFIG, sensors=SENSORS)
     halves = 0
     for view, snapshot in zip(result.views, snapshots, strict=True):
         points = snapshot.map_from_base.apply(snapshot.points_in_base())
@@ -90,12 +91,12 @@ def test_a_second_table_at_the_same_height_is_another_top() -> None:
     """A table half a metre beside is never TOP, and --near chooses it."""
     second = table(1.0, 1.75, 1.0, 0.6, 0.74, 0.3)
     snapshots = round_trip([*TABLE, *second], CENTRE, views=8)
-    result = segment(snapshots, config=CONFIG)
+    result = segment(snapshots, config=CONFIG, sensors=SENSORS)
     for view, snapshot in zip(result.views, snapshots, strict=True):
         points = snapshot.map_from_base.apply(snapshot.points_in_base())
         distance = np.hypot(points[..., 0] - 1.0, points[..., 1] - 0.5)
         assert not ((view.labels == Label.TOP) & (distance > 0.85)).any()
-    other = segment(snapshots, config=CONFIG, near=(1.0, 1.8))
+    other = segment(snapshots, config=CONFIG, sensors=SENSORS, near=(1.0, 1.8))
     chosen = next(c for c in other.candidates if c.chosen)
     assert np.hypot(chosen.x - 1.0, chosen.y - 1.75) < 0.2
 
@@ -120,7 +121,7 @@ def test_a_seat_15_mm_above_the_top_is_not_the_top() -> None:
     """The joint height tells a stool beside the table apart."""
     stool = Box(1.0, -0.35, 0.4, 0.4, 0.70, 0.755, 0.3)
     snapshots = round_trip([*TABLE, stool], CENTRE, views=8)
-    result = segment(snapshots, config=CONFIG)
+    result = segment(snapshots, config=CONFIG, sensors=SENSORS)
     assert result.height == pytest.approx(0.74, abs=0.001)
     for view, snapshot in zip(result.views, snapshots, strict=True):
         points = snapshot.map_from_base.apply(snapshot.points_in_base())
@@ -132,7 +133,7 @@ def test_tied_tables_are_named() -> None:
     """Two equal tables seen alike give a warning with the other's place."""
     pair = [*table(0.0, -0.9, 1.0, 0.7, 0.74, 0.0), *table(0.0, 0.9, 1.0, 0.7, 0.74, 0.0)]
     snapshots = round_trip(pair, (0.0, 0.0), views=8, radius=2.4)
-    result = segment(snapshots, config=CONFIG)
+    result = segment(snapshots, config=CONFIG, sensors=SENSORS)
     tie = [w for w in result.warnings if w.code == "segmentation.table_tie"]
     assert len(tie) == 1
     assert "--near" in tie[0].message
@@ -143,7 +144,7 @@ def test_a_place_without_a_table_names_the_candidates() -> None:
     events: list[object] = []
     views = round_trip(TABLE, CENTRE)
     with pytest.raises(EstimationError, match=r"candidates at \(1\.0"):
-        segment(views, config=CONFIG, near=(9.0, 9.0), record=events.append)
+        segment(views, config=CONFIG, sensors=SENSORS, near=(9.0, 9.0), record=events.append)
     (found,) = events
     assert isinstance(found, TablesFound)
     assert found.candidates[0].height == pytest.approx(0.74, abs=0.05)
@@ -155,7 +156,7 @@ def test_no_table_at_all_is_an_error() -> None:
     dark = tuple(replace(s, depth=np.full_like(s.depth, np.nan)) for s in empty)
     for snapshots in (empty, dark, ()):
         with pytest.raises(EstimationError, match="horizontal surface"):
-            segment(snapshots, config=CONFIG)
+            segment(snapshots, config=CONFIG, sensors=SENSORS)
 
 
 def test_a_table_seen_end_by_end_is_one_candidate() -> None:
@@ -171,7 +172,7 @@ def test_a_view_that_looks_away_is_set_aside_with_a_reason() -> None:
     snapshots = list(round_trip(TABLE, CENTRE))
     away = round_trip([], (9.0, 9.0), views=1)[0]
     snapshots[2] = replace(away, index=2)
-    result = segment(tuple(snapshots), config=CONFIG)
+    result = segment(tuple(snapshots), config=CONFIG, sensors=SENSORS)
     assert not result.views[2].sees_table
     assert result.views[2].reason is not None
     assert result.used == (0, 1, 3, 4, 5)
@@ -179,8 +180,8 @@ def test_a_view_that_looks_away_is_set_aside_with_a_reason() -> None:
 
 def test_segmentation_repeats_bit_for_bit() -> None:
     """The same snapshots give the same labels and height."""
-    first = segment(round_trip(TABLE, CENTRE, views=3), config=CONFIG)
-    second = segment(round_trip(TABLE, CENTRE, views=3), config=CONFIG)
+    first = segment(round_trip(TABLE, CENTRE, views=3), config=CONFIG, sensors=SENSORS)
+    second = segment(round_trip(TABLE, CENTRE, views=3), config=CONFIG, sensors=SENSORS)
     assert first.height == second.height
     for a, b in zip(first.views, second.views, strict=True):
         np.testing.assert_array_equal(a.labels, b.labels)
@@ -190,8 +191,8 @@ def test_living_room_chooses_the_side_table(real_recordings: Path) -> None:
     """Of armchair, couches, TV bench and side table, the table of views 3 and 4 is chosen."""
     recording = open_recording(real_recordings / "hsr_living_room.mcap")
     taken = take_snapshots(recording, config=SnapshotsConfig())
-    calibration = calibrate(taken.snapshots, config=CalibrationConfig())
-    result = segment(calibration.snapshots, config=CONFIG)
+    calibration = calibrate(taken.snapshots, config=CalibrationConfig(), sensors=SENSORS)
+    result = segment(calibration.snapshots, config=CONFIG, sensors=SENSORS)
     assert result.used == (2, 3)
     assert result.height == pytest.approx(0.45, abs=0.02)
     best = next(c for c in result.candidates if c.chosen)
@@ -204,8 +205,8 @@ def test_kitchen_finds_the_dining_table(real_recordings: Path) -> None:
     recording = open_recording(real_recordings / "kitchen.mcap")
     taken = take_snapshots(recording, config=SnapshotsConfig())
     assert taken.kind == "keyframes"
-    calibration = calibrate(taken.snapshots, config=CalibrationConfig())
-    result = segment(calibration.snapshots, config=CONFIG)
+    calibration = calibrate(taken.snapshots, config=CalibrationConfig(), sensors=SENSORS)
+    result = segment(calibration.snapshots, config=CONFIG, sensors=SENSORS)
     assert result.height == pytest.approx(0.725, abs=0.01)
     assert len(result.used) >= 25
     best = next(c for c in result.candidates if c.chosen)

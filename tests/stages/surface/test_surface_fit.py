@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tablemap.config import SurfaceConfig
+from tablemap.config import SensorsConfig, SurfaceConfig
 from tablemap.errors import EstimationError
 from tablemap.geometry import Pose2
 from tablemap.stages.outline import TopScale
@@ -25,6 +25,8 @@ from tests.making.edges import (
     rounded_table,
 )
 
+SENSORS = SensorsConfig()
+
 POSE = Pose2(0.31, -0.22, 0.37)
 TABLES = {
     "circle": ellipse_table(0.9, 0.9, POSE),
@@ -40,7 +42,7 @@ TABLES = {
 
 def _fit(table: Table, bench: Bench, seed: int) -> Surface:
     outline, registration = observe(table, bench, np.random.default_rng(seed))
-    return fit_surface(outline, registration, config=SurfaceConfig(), seed=0)
+    return fit_surface(outline, registration, config=SurfaceConfig(), sensors=SENSORS, seed=0)
 
 
 @pytest.mark.parametrize("name", TABLES)
@@ -77,7 +79,7 @@ def test_a_dull_rim_leaves_the_size_to_the_near_edges() -> None:
     bench = replace(Bench(), far_bias=-2.8)
     outline, registration = observe(TABLES["rectangle"], bench, np.random.default_rng(3))
     dull = replace(outline, rim=0.002, rim_sigma=0.0002)
-    surface = fit_surface(dull, registration, config=SurfaceConfig(), seed=0)
+    surface = fit_surface(dull, registration, config=SurfaceConfig(), sensors=SENSORS, seed=0)
     for key, truth in TABLES["rectangle"].dimensions.items():
         figure = surface.dimensions[key]
         assert figure.sigma is not None
@@ -93,7 +95,9 @@ def test_a_wrong_camera_height_is_admitted() -> None:
         outline, registration = observe(table, bench, np.random.default_rng(seed))
         scale = TopScale(sigma=0.005, sigma_trusting=0.001, height_by_scale=0.74)
         outline = replace(outline, scale=scale, height_sigma=0.0038)
-        surface = fit_surface(outline, registration, config=SurfaceConfig(), seed=0)
+        surface = fit_surface(
+            outline, registration, config=SurfaceConfig(), sensors=SENSORS, seed=0
+        )
         assert surface.height.sigma is not None
         assert 0.001 < surface.height.sigma < 0.0038
         for key, truth in table.dimensions.items():
@@ -106,7 +110,7 @@ def test_a_wrong_camera_height_is_admitted() -> None:
 
 def test_evidence_decides_whether_the_camera_height_is_believed() -> None:
     """Edges that say nothing leave the floor's word; edges that are sure of a scale overrule it."""
-    prior = {"under": 0.005, "trusting": 0.001, "wide": 0.005, "config": SurfaceConfig()}
+    prior = {"under": 0.005, "trusting": 0.001, "wide": 0.005, "trusted": 0.5}
     mute = believe(0.0, 0.005 * (1 - 1e-6), **prior)
     assert abs(mute.value) < 1e-9
     assert 0.001 < mute.sigma < 0.005
@@ -142,7 +146,7 @@ def test_no_edge_points_are_an_error_that_says_so() -> None:
     outline, registration = observe(TABLES["circle"], Bench(), np.random.default_rng(0))
     empty = replace(outline, views=())
     with pytest.raises(EstimationError, match="found 0 in 0 of 0 views"):
-        fit_surface(empty, registration, config=SurfaceConfig(), seed=0)
+        fit_surface(empty, registration, config=SurfaceConfig(), sensors=SENSORS, seed=0)
 
 
 def test_points_on_one_line_end_in_a_clear_error_or_doubts() -> None:
@@ -155,7 +159,7 @@ def test_points_on_one_line_end_in_a_clear_error_or_doubts() -> None:
     line = replace(first.only(kept), top=first.top[:0], free=first.free[:0])
     alone = replace(outline, views=(line,))
     try:
-        surface = fit_surface(alone, registration, config=SurfaceConfig(), seed=0)
+        surface = fit_surface(alone, registration, config=SurfaceConfig(), sensors=SENSORS, seed=0)
     except EstimationError as error:
         assert "edge" in str(error)
     else:

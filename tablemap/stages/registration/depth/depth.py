@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tablemap.config import RegistrationConfig
+from tablemap.config import RegistrationConfig, SensorsConfig
 from tablemap.errors import EstimationError
 from tablemap.events import Record
 from tablemap.geometry import Floats, Pose2
@@ -66,6 +66,7 @@ def register_depth(
     initial: Floats,
     *,
     config: RegistrationConfig,
+    sensors: SensorsConfig,
     record: Record,
 ) -> Solution:
     """Register the views by their depth from ``initial`` (n, 3), as far as it can be trusted.
@@ -115,9 +116,9 @@ def register_depth(
         outline = None
     table = table_edges(snapshots, outline)
     held = held_edges(graph, pairs, edges)
-    laid = lay_edges(table, graph.poses, held, config)
+    laid = lay_edges(table, graph.poses, held, config, sensors)
     checked = check_views(outline, table, laid.polished.poses)
-    laid, checked, found = search_failed(outline, table, held, laid, checked, config)
+    laid, checked, found = search_failed(outline, table, held, laid, checked, config, sensors)
     pairs = contradicted(pairs, laid.kept[len(edges) :])
     polished = laid.polished
     poses, covariance = polished.poses, polished.covariance
@@ -137,7 +138,7 @@ def register_depth(
         pairs=(*pairs, *moved),
         checks=_with_context(checks, pairs, polished, graph),
         source="depth" if informed else "localisation",
-        systematic=config.depth_focal_sigma * _reach(table, poses),
+        systematic=sensors.calibrated_focal_length_sigma * _reach(table, poses),
         warnings=(*searched(found, snapshots), *doubts),
     )
 

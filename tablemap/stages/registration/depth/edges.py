@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from tablemap.config import RegistrationConfig
+from tablemap.config import RegistrationConfig, SensorsConfig
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.outline import EdgeKind, Outline
 from tablemap.stages.registration.graph import Edge, edge_errors
@@ -69,6 +69,7 @@ def lay_edges(
     poses: Floats,
     held: Sequence[Edge],
     config: RegistrationConfig,
+    sensors: SensorsConfig,
     *,
     let_go: NDArray[np.bool_] | None = None,
 ) -> Laid:
@@ -84,19 +85,23 @@ def lay_edges(
         # Neighbours, and a few from all round: the rest says the same again.
         apart = max(1, 2 * len(present) // config.partners)
         pairs = [(b, a) for b, a in pairs if b - a <= 2 or (b - a) % apart == 0]
-    edge_config = config.model_copy(
-        update={
-            "gates": config.edge_gates,
-            "range_bias_sigma": config.depth_scale_sigma,
-            "correlation": config.edge_correlation,
-        }
-    )
+    gates = config.edge_gates
     limits = np.array([np.inf if edge.robust is None else edge.robust for edge in held])
     information = np.array([edge.information for edge in held]).reshape(-1, 3, 3)
     kept = np.ones(len(held), dtype=bool) if let_go is None else ~let_go
     for _ in range(_POLISHES):
         believed = list(itertools.compress(held, kept))
-        polished = polish(edges, poses, pairs, believed, config=edge_config, settled=_SETTLED)
+        polished = polish(
+            edges,
+            poses,
+            pairs,
+            believed,
+            gates=gates,
+            kernel=config.kernel,
+            correlation=config.edge_correlation,
+            bias_sigma=sensors.calibrated_depth_scale_sigma_registration,
+            settled=_SETTLED,
+        )
         poses = polished.poses
         error = edge_errors(poses, held)
         agree = kept & (np.einsum("ni,nij,nj->n", error, information, error) < limits)
@@ -104,7 +109,7 @@ def lay_edges(
             break
         kept = agree
         # What is left to find is near.
-        edge_config = edge_config.model_copy(update={"gates": config.edge_gates[-2:]})
+        gates = config.edge_gates[-2:]
     return Laid(polished, kept)
 
 

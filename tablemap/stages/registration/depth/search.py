@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tablemap.config import RegistrationConfig
+from tablemap.config import RegistrationConfig, SensorsConfig
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.outline import Outline
@@ -29,6 +29,7 @@ def search_failed(
     laid: Laid,
     checked: Checked,
     config: RegistrationConfig,
+    sensors: SensorsConfig,
 ) -> tuple[Laid, Checked, tuple[int, ...]]:
     """Search for the views whose check failed among those that agree, as long as it helps.
 
@@ -45,7 +46,7 @@ def search_failed(
         for i, pose in moved.items():
             start[i] = pose.as_array()
         let_go = ~laid.kept | [bool({e.source, e.target} & set(moved)) for e in held]
-        attempt = lay_edges(edges, start, held, config, let_go=let_go)
+        attempt = lay_edges(edges, start, held, config, sensors, let_go=let_go)
         again = check_views(outline, edges, attempt.polished.poses)
         if (again.passed, len(again.company)) <= (checked.passed, len(checked.company)):
             break

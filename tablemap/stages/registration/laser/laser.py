@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tablemap.config import RegistrationConfig
+from tablemap.config import RegistrationConfig, SensorsConfig
 from tablemap.errors import ProcessWarning
 from tablemap.events import Record
 from tablemap.geometry import Floats, Pose2
@@ -63,6 +63,7 @@ def register_laser(
     initial: Floats,
     *,
     config: RegistrationConfig,
+    sensors: SensorsConfig,
     record: Record,
 ) -> Solution:
     """Register the stops by their scans from ``initial`` (n, 3); search where that failed.
@@ -74,7 +75,7 @@ def register_laser(
     anchors = localisation_anchors(snapshots, config)
     clouds = {i: laser_clouds(stop) for i, stop in enumerate(stops) if stop is not None}
     aligned: dict[tuple[int, int], Pair] = {}
-    attempt = _attempt(stops, clouds, initial, edges, [], anchors, aligned, config, record)
+    attempt = _attempt(stops, clouds, initial, edges, [], anchors, aligned, config, sensors, record)
     warnings: list[ProcessWarning] = []
     tried: set[int] = set()
     for _ in range(_SEARCH_ROUNDS):
@@ -91,12 +92,16 @@ def register_laser(
                 )
             )
         aligned = {k: v for k, v in aligned.items() if not set(k) & set(moved)}
-        attempt = _attempt(stops, clouds, start, edges, [], anchors, aligned, config, record)
+        attempt = _attempt(
+            stops, clouds, start, edges, [], anchors, aligned, config, sensors, record
+        )
     loose = open_stops(stops, attempt.covariance)
     if loose:
         depth = depth_pairs(snapshots, attempt.poses, loose, config=config, record=record)
         start = attempt.poses
-        attempt = _attempt(stops, clouds, start, edges, depth, anchors, aligned, config, record)
+        attempt = _attempt(
+            stops, clouds, start, edges, depth, anchors, aligned, config, sensors, record
+        )
     spread = float(np.median([_reach(stop) for stop in stops if stop is not None]))
     return Solution(
         poses=attempt.poses,
@@ -104,7 +109,9 @@ def register_laser(
         pairs=attempt.pairs,
         checks=attempt.checks,
         source="laser",
-        systematic=float(np.hypot(config.range_scale_sigma * spread, config.mounting_sigma)),
+        systematic=float(
+            np.hypot(sensors.laser_range_scale_sigma_wide * spread, sensors.laser_mounting_sigma)
+        ),
         warnings=tuple(warnings),
     )
 
@@ -118,6 +125,7 @@ def _attempt(
     anchors: Sequence[Anchor],
     aligned: dict[tuple[int, int], Pair],
     config: RegistrationConfig,
+    sensors: SensorsConfig,
     record: Record,
 ) -> _Attempt:
     """Align the pairs that are not yet in ``aligned``, solve the graph, polish and check.
@@ -153,7 +161,16 @@ def _attempt(
         for edge, weight in zip(holding, weights[: len(holding)], strict=True)
     ]
     used = [(pair.source, pair.target) for pair in judged if pair.used]
-    polished = polish(stops, graph.poses, used, held, config=config)
+    polished = polish(
+        stops,
+        graph.poses,
+        used,
+        held,
+        gates=config.gates,
+        kernel=config.kernel,
+        correlation=config.correlation,
+        bias_sigma=sensors.laser_range_bias_sigma,
+    )
     checks = tuple(
         checked_by_depth(check, joined) if depth and stops[check.index] is None else check
         for check in check_stops(stops, polished.poses, chosen)
