@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 import struct
 from collections.abc import Callable
 from contextlib import suppress
@@ -28,6 +29,7 @@ from tablemap.recording.messages import (
     LaserScan,
     TransformStamped,
 )
+from tablemap.recording.packing import unpacked_message
 from tablemap.recording.raw import Channel, RawMessage
 from tablemap.recording.tf.messages import Reader as DirectReader
 from tablemap.recording.tf.messages import direct_reader
@@ -56,6 +58,10 @@ _KINDS = {
     "foxglove/FrameTransform": TRANSFORMS,
     "foxglove/FrameTransforms": TRANSFORMS,
 }
+
+
+_IDL_RULE = "=" * 80 + "\n"
+_DIRECTIVE = re.compile(r"^\s*#.*$", re.MULTILINE)
 
 
 class DecodingError(Exception):
@@ -87,15 +93,17 @@ class Decoder:
         self._parse, self._peek, self._direct = _parser(channel)
         self._is_static = channel.topic.rstrip("/").endswith("tf_static")
         self._convert = _converter(kind, is_static=self._is_static)
+        self._may_be_packed = channel.message_encoding == "cdr"
 
     def decode(self, raw: RawMessage) -> Message:
         """Decode a message; a stamp of zero is replaced by the log time."""
         try:
+            data = self._unpacked(raw)
             if self._direct is not None:
                 # What it cannot read (another byte order, say) goes to the general decoder.
                 with suppress(struct.error, UnicodeDecodeError):
-                    return self._direct(raw.data, raw.log_time_ns, self._is_static)
-            return self._convert(self._parse(raw.data), raw.log_time_ns)
+                    return self._direct(data, raw.log_time_ns, self._is_static)
+            return self._convert(self._parse(data), raw.log_time_ns)
         except DecodingError:
             raise
         # Parsers that are generated from a schema raise anything on bytes that do not fit it.
@@ -106,13 +114,18 @@ class Decoder:
         """Return the header's stamp, without decoding the rest where the layout allows it."""
         if self._peek is not None:
             try:
-                return self._peek(raw.data) or raw.log_time_ns
+                return self._peek(self._unpacked(raw)) or raw.log_time_ns
+            except ValueError as error:
+                raise DecodingError(f"cannot be decoded ({error})") from error
             except (struct.error, IndexError) as error:
                 raise DecodingError("is too short for its header") from error
         message = self.decode(raw)
         if isinstance(message, tuple):
             return message[0].stamp_ns if message else raw.log_time_ns
         return message.stamp_ns
+
+    def _unpacked(self, raw: RawMessage) -> memoryview:
+        return unpacked_message(raw.data) if self._may_be_packed else raw.data
 
 
 Parse = Callable[[memoryview], Any]
@@ -157,7 +170,7 @@ def _ros_parser(encoding: str, schema_name: str, schema_encoding: str, text: str
     else:
         store = get_typestore(Stores.EMPTY)
         is_idl = schema_encoding in ("ros2idl", "omgidl")
-        store.register(get_types_from_idl(text) if is_idl else get_types_from_msg(text, name))
+        store.register(_types_from_idl(text) if is_idl else get_types_from_msg(text, name))
     fields = store.fielddefs[name][1]
     begins_with_header = bool(fields) and fields[0][1][1] == "std_msgs/msg/Header"
     direct: DirectReader | None = None
@@ -168,6 +181,18 @@ def _ros_parser(encoding: str, schema_name: str, schema_encoding: str, text: str
         return (lambda data: store.deserialize_cdr(data, name)), peek, direct
     peek = _peek_ros1 if begins_with_header else None
     return (lambda data: store.deserialize_ros1(data, name)), peek, direct
+
+
+def _types_from_idl(text: str) -> dict[str, Any]:
+    """Return the types of IDL files that rosbag2 joins by a rule and a line ``IDL: NAME``."""
+    types: dict[str, Any] = {}
+    for part in text.split(_IDL_RULE):
+        head, _, rest = part.partition("\n")
+        idl = rest if head.startswith("IDL: ") else part
+        idl = _DIRECTIVE.sub("", idl)  # all that is included follows as a part of its own
+        if idl.strip():
+            types.update(get_types_from_idl(idl))
+    return types
 
 
 def _peek_ros1(data: memoryview) -> int:

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import hashlib
+from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import BinaryIO
+from tempfile import TemporaryDirectory
 
 from tablemap.errors import ProcessWarning, RecordingError
+from tablemap.recording.bags.bag import Bag
+from tablemap.recording.bags.folder import METADATA, files_of
 from tablemap.recording.mcap.container import Container
 from tablemap.recording.mcap.index import MAGIC
+from tablemap.recording.packing import ZSTD_MAGIC, unpack_file
 from tablemap.recording.raw import Source
+from tablemap.recording.several import Several
 
+_BAG = b"#ROSBAG V"
+_DATABASE = b"SQLite format 3\0"
 _OTHER_FORMATS = {
-    b"#ROSBAG V": "a ROS 1 bag; convert it with `mcap convert IN.bag OUT.mcap`",
-    b"SQLite format 3\0": "a ROS 2 bag in SQLite; convert it with `mcap convert IN.db3 OUT.mcap`",
     b"RRF2": "a Rerun recording, which is a result of processing and no input of it",
     b"\x1f\x8b": "packed with gzip; unpack it first",
-    b"\x28\xb5\x2f\xfd": "packed with zstd; unpack it first",
     b"PK\x03\x04": "a zip archive; unpack it first",
 }
 
@@ -24,9 +28,57 @@ _OTHER_FORMATS = {
 def open_source(path: Path, *, warnings: list[ProcessWarning]) -> Source:
     """Open what holds a recording's messages; what is lost of it is appended to ``warnings``.
 
-    Raises `RecordingError` where it is no MCAP that can be read.
+    That is an MCAP, a bag of ROS 1, a database or a folder of rosbag2; each may be packed with
+    zstd. Raises `RecordingError` where it is none that can be read.
     """
-    file = _open_mcap(Path(path))
+    path = Path(path)
+    if path.name == METADATA:
+        path = path.parent
+    if path.is_dir():
+        return _open_folder(path, warnings)
+    start = _first_bytes(path)
+    if start.startswith(MAGIC):
+        return _container(path, warnings)
+    if start.startswith(_BAG):
+        return Bag(path, ros1=True, warnings=warnings)
+    if start.startswith(_DATABASE):
+        return Bag(path, ros1=False, warnings=warnings)
+    if start.startswith(ZSTD_MAGIC):
+        # What is open stays readable when its folder is gone.
+        with TemporaryDirectory(prefix="tablemap-") as folder:
+            return open_source(unpack_file(path, Path(folder)), warnings=warnings)
+    expected = "Expected a recording (an MCAP or a bag) and found"
+    if not start:
+        raise RecordingError(f"{expected} an empty one: {path}")
+    for signature, what in _OTHER_FORMATS.items():
+        if start.startswith(signature):
+            raise RecordingError(f"{expected} {what}: {path}")
+    what = "text" if _is_text(start) else "something else"
+    raise RecordingError(f"{expected} {what}: {path}")
+
+
+def _open_folder(folder: Path, warnings: list[ProcessWarning]) -> Source:
+    """Open the files of a bag's folder as one; one that cannot be read is left out, and said."""
+    sources: list[Source] = []
+    errors: list[RecordingError] = []
+    with ExitStack() as opened:
+        for file in files_of(folder, warnings=warnings):
+            try:
+                sources.append(opened.enter_context(closing(open_source(file, warnings=warnings))))
+            except RecordingError as error:
+                errors.append(error)
+        if not sources:
+            raise errors[0]
+        opened.pop_all()
+    warnings += [
+        ProcessWarning("recording.damaged", "recording", f"A file of the bag was left out: {each}")
+        for each in errors
+    ]
+    return sources[0] if len(sources) == 1 else Several(sources)
+
+
+def _container(path: Path, warnings: list[ProcessWarning]) -> Container:
+    file = path.open("rb")
     try:
         return Container(file, warnings=warnings)
     except BaseException:
@@ -34,29 +86,15 @@ def open_source(path: Path, *, warnings: list[ProcessWarning]) -> Source:
         raise
 
 
-def _open_mcap(path: Path) -> BinaryIO:
-    if path.is_dir():
-        inside = sorted(each.name for each in path.glob("*.mcap"))
-        hint = f"name the file inside: {', '.join(inside[:3])}" if inside else "it has none inside"
-        raise RecordingError(f"Expected an MCAP file and found a folder; {hint}: {path}")
+def _first_bytes(path: Path) -> bytes:
     try:
-        file = path.open("rb")
+        with path.open("rb") as file:
+            return file.read(64)
     except FileNotFoundError:
         raise RecordingError(f"There is no such file: {path}") from None
     except OSError as error:
         reason = error.strerror or error
         raise RecordingError(f"The file cannot be opened ({reason}): {path}") from error
-    start = file.read(64)
-    if start.startswith(MAGIC):
-        return file
-    file.close()
-    if not start:
-        raise RecordingError(f"Expected an MCAP file and found an empty one: {path}")
-    for signature, what in _OTHER_FORMATS.items():
-        if start.startswith(signature):
-            raise RecordingError(f"Expected an MCAP file and found {what}: {path}")
-    what = "text" if _is_text(start) else "something else"
-    raise RecordingError(f"Expected an MCAP file and found {what}: {path}")
 
 
 def _is_text(start: bytes) -> bool:

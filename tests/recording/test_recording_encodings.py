@@ -17,44 +17,11 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Rosbag2Writer
 
-from tablemap.recording import Recording, inspect, open_recording
+from tablemap.recording import inspect, open_recording
 from tablemap.recording.decoding import Decoder, DecodingError
 from tablemap.recording.mcap.container import Container
 from tests.making import messages as w
-
-
-def check_drive(recording: Recording, *, depth_tolerance: float = 1e-6) -> None:
-    """Check images, calibration, scans, poses and frames against what was written."""
-    names = recording.names
-    assert (names.fixed, names.odom, names.base) == ("map", "odom", "base_footprint")
-    assert (names.camera, names.laser) == (w.CAMERA, w.LASER)
-    frames = list(recording.depth_frames())
-    assert [f.stamp_ns for f in frames] == [w.START_NS + i * w.SECOND for i in range(w.IMAGES)]
-    assert np.array_equal(recording.depth_stamps(), [f.stamp_ns for f in frames])
-    for frame in frames:
-        assert frame.depth.dtype == np.float32
-        assert np.array_equal(np.isnan(frame.depth), np.isnan(w.plane()))
-        assert np.nanmax(np.abs(frame.depth - w.plane())) < depth_tolerance
-        assert np.allclose(frame.k, np.reshape(w.K, (3, 3)))
-        # The optical axis points along the base's x, 1.1 m above it.
-        assert np.allclose(frame.base_from_camera[:3, 2], [1, 0, 0], atol=1e-9)
-        assert np.allclose(frame.base_from_camera[:3, 3], [0.1, 0, w.CAMERA_HEIGHT])
-    middle = w.START_NS + int(2.25 * w.SECOND)
-    pose = recording.fixed_from_base(middle)
-    assert pose is not None
-    assert np.allclose(pose[:3, 3], [1.0 + 0.45 + 0.00225, 2.0, 0.0], atol=1e-9)
-    wheels = recording.odom_from_base(middle)
-    assert wheels is not None
-    assert np.allclose(wheels[:3, 3], [0.45, 0, 0], atol=1e-9)
-    assert recording.fixed_from_base(w.START_NS - w.SECOND) is None
-    assert np.allclose(recording.base_from_laser(middle)[:3, 3], [0.17, 0, 0.18])
-    scans = list(recording.scans())
-    assert len(scans) == len(recording.scan_stamps()) == 51
-    assert np.allclose(scans[7].ranges, np.linspace(1, 2, 31))
-    assert np.allclose(scans[7].angles, np.linspace(-1.5, 1.5, 31), atol=1e-6)
-    part = list(recording.scans(w.START_NS + w.SECOND, w.START_NS + 2 * w.SECOND))
-    assert len(part) == 11
-    assert recording.warnings == []
+from tests.making.drives import check_drive
 
 
 def encoded(name: str) -> Callable[[w.RosRecorder, int], None]:

@@ -1,0 +1,83 @@
+"""A folder of rosbag2: which files of it hold the drive, in the order of ``metadata.yaml``."""
+
+from __future__ import annotations
+
+from pathlib import Path, PurePosixPath
+
+import yaml
+
+from tablemap.errors import ProcessWarning, RecordingError
+
+METADATA = "metadata.yaml"
+_SUFFIXES = (".mcap", ".db3", ".bag")
+_PACKED = (".zstd", ".zst")
+
+
+def files_of(folder: Path, *, warnings: list[ProcessWarning]) -> list[Path]:
+    """Return the files of a bag's folder; files that it lacks are said in ``warnings``.
+
+    Without a ``metadata.yaml`` that can be read a folder must hold one recording alone. Raises
+    `RecordingError` where it is not clear what belongs together, or nothing is there.
+    """
+    inside = sorted(each for each in folder.iterdir() if _is_recording(each))
+    listed = _listed(folder, warnings)
+    if listed is None:
+        if len(inside) == 1:
+            return inside
+        if not inside:
+            raise RecordingError(
+                f"Expected a recording and found a folder with none inside: {folder}"
+            )
+        raise RecordingError(
+            f"The folder has {len(inside)} recordings and no {METADATA} to say what belongs "
+            f"together; name one of them, or all of one drive with --together: {folder}"
+        )
+    files = [folder / PurePosixPath(name).name for name in listed]
+    missing = [file.name for file in files if not file.is_file()]
+    if missing:
+        warnings.append(
+            ProcessWarning(
+                "recording.truncated",
+                "recording",
+                f"The bag's {METADATA} names files that are not in the folder, so that what they "
+                f"hold was not read: {', '.join(missing)}.",
+            )
+        )
+    # A recorder that was killed leaves files that it did not list any more.
+    stem = files[0].name.rpartition("_")[0] if files else ""
+    files += [each for each in inside if each not in files and _continues(each, stem)]
+    found = [file for file in files if file.is_file()]
+    if not found:
+        raise RecordingError(f"None of the files that the bag's {METADATA} names is in {folder}")
+    return found
+
+
+def _is_recording(file: Path) -> bool:
+    name = file.name.removesuffix(".zstd").removesuffix(".zst")
+    return name.endswith(_SUFFIXES) and file.is_file()
+
+
+def _continues(file: Path, stem: str) -> bool:
+    """Tell whether a file is one more part of a bag whose parts are called ``STEM_0`` and on."""
+    before, _, number = file.name.partition(".")[0].rpartition("_")
+    return bool(stem) and before == stem and number.isdigit()
+
+
+def _listed(folder: Path, warnings: list[ProcessWarning]) -> list[str] | None:
+    """Return the names in ``metadata.yaml``, None where there is none that can be read."""
+    file = folder / METADATA
+    if not file.is_file():
+        return None
+    try:
+        tree = yaml.safe_load(file.read_text(encoding="utf-8"))
+        names = tree["rosbag2_bagfile_information"]["relative_file_paths"]
+        return [str(name) for name in names]
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError):
+        warnings.append(
+            ProcessWarning(
+                "recording.damaged",
+                "recording",
+                f"The bag's {METADATA} cannot be read; the folder's files were read without it.",
+            )
+        )
+        return None

@@ -1,0 +1,76 @@
+"""What rosbag2 packs with zstd: whole files, and single messages.
+
+A few kilobytes can claim to unpack to gigabytes, so that what comes out is bounded.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import zstandard
+
+from tablemap.errors import RecordingError
+
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+
+MAX_MESSAGE_BYTES = 256 * 2**20
+"""The most that one message may unpack to."""
+
+MAX_RATIO = 200
+"""How much larger than packed a file may become: sensors' logs shrink to a tenth at best."""
+
+_ALLOWANCE = 64 * 2**20
+_PIECE_BYTES = 4 * 2**20
+_MESSAGE_PIECE_BYTES = 256 * 2**10
+
+
+def unpack_file(path: Path, folder: Path) -> Path:
+    """Unpack a file into a folder, and return where it lies; its name loses what says packed.
+
+    Raises `RecordingError` where it is damaged, unpacks to too much, or the disk has no room.
+    """
+    unpacked = folder / path.stem
+    left = MAX_RATIO * path.stat().st_size + _ALLOWANCE
+    try:
+        with (
+            path.open("rb") as packed,
+            unpacked.open("wb") as file,
+            zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True) as reader,
+        ):
+            while piece := reader.read(_PIECE_BYTES):
+                left -= len(piece)
+                if left < 0:
+                    raise RecordingError(
+                        f"The file unpacks to more than {MAX_RATIO} times its size, as no "
+                        f"recording does: {path}"
+                    )
+                file.write(piece)
+    except zstandard.ZstdError as error:
+        raise RecordingError(f"The file cannot be unpacked ({error}): {path}") from error
+    except OSError as error:
+        raise RecordingError(
+            f"The file cannot be unpacked into {folder.parent} ({error.strerror}); free some "
+            f"space, or name another place in TMPDIR: {path}"
+        ) from error
+    return unpacked
+
+
+def unpacked_message(data: memoryview) -> memoryview:
+    """Return a message's bytes, unpacked where rosbag2 packed them.
+
+    A serialised message of ROS 2 begins with a zero byte, so that the two cannot be confused.
+    Raises `ValueError` where they cannot be unpacked, or to too much.
+    """
+    if data[:4] != ZSTD_MAGIC:
+        return data
+    pieces, left = [], MAX_MESSAGE_BYTES
+    try:
+        with zstandard.ZstdDecompressor().stream_reader(data) as reader:
+            while piece := reader.read(_MESSAGE_PIECE_BYTES):
+                left -= len(piece)
+                if left < 0:
+                    raise ValueError(f"it unpacks to more than {MAX_MESSAGE_BYTES // 2**20} MiB")
+                pieces.append(piece)
+    except zstandard.ZstdError as error:
+        raise ValueError(f"it cannot be unpacked: {error}") from error
+    return memoryview(b"".join(pieces))
