@@ -7,7 +7,6 @@ PrimeSense principle: a projector beside the camera, matched in small windows.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,6 +19,7 @@ from tablemap.simulation.bending import Bend, draw_bend
 from tablemap.simulation.drive import CAMERA_AHEAD
 from tablemap.simulation.scenario import Camera
 from tablemap.simulation.scene import Scene
+from tablemap.simulation.seeds import Generators
 
 FX, FY, CX, CY = 538.391, 538.085, 315.307, 233.048
 """The intrinsics of the HSR's head camera at 640 x 480 pixels."""
@@ -29,8 +29,6 @@ _DISPARITY_STEP = 0.125
 _NEAREST = 0.4
 _OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 _SUBPIXELS = np.array([[-0.25, -0.25], [0.25, -0.25], [-0.25, 0.25], [0.25, 0.25]])
-
-Generators = Callable[[str], np.random.Generator]
 
 
 @dataclass(frozen=True)

@@ -50,22 +50,22 @@ class Drive:
 
     def base(self, seconds: Floats) -> Floats:
         """Return the base's true poses in the map: (n, 3) x, y, yaw."""
-        distance = _eased(seconds, self.stops, self.distances)
+        distance = eased(seconds, self.stops, self.distances)
         places = np.asarray(
             shapely.get_coordinates(
                 shapely.line_interpolate_point(self.world.path, distance % self.world.path.length)
             )
         )
-        past = _eased(seconds, self.stops, self.headings)
+        past = eased(seconds, self.stops, self.headings)
         return np.column_stack([places, self._facing(places) + past])
 
     def tilt(self, seconds: Floats) -> Floats:
         """Return how far down the camera looks, radians."""
-        return _eased(seconds, self.rests, self.tilts)
+        return eased(seconds, self.rests, self.tilts)
 
     def pan(self, seconds: Floats) -> Floats:
         """Return how far the head is turned to the left, radians."""
-        return _eased(seconds, self.rests, self.pans)
+        return eased(seconds, self.rests, self.pans)
 
     def _facing(self, places: Floats) -> Floats:
         """Return the yaw (n,) that faces the table: its middle, and what of it is near."""
@@ -81,7 +81,7 @@ class Drive:
         return np.asarray(np.arctan2(target[:, 1] - places[:, 1], target[:, 0] - places[:, 0]))
 
 
-def _eased(seconds: Floats, spans: Floats, values: Floats) -> Floats:
+def eased(seconds: Floats, spans: Floats, values: Floats) -> Floats:
     """Interpolate what holds in each of (m, 2) spans of time, starting and ending softly."""
     if len(values) == 1:
         return np.full(len(seconds), values[0])

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tablemap.geometry import Floats, compose, wrap_angles
+from tablemap.simulation.attitude import Attitude
 from tablemap.simulation.drive import Drive
 from tablemap.simulation.scenario import Laser
 from tablemap.simulation.scene import Scene
@@ -59,6 +60,7 @@ def scan(
     scene: Scene,
     people: tuple[Person, ...],
     drive: Drive,
+    attitude: Attitude,
     seconds: Floats,
     *,
     laser: Laser,
@@ -84,6 +86,13 @@ def scan(
     rays = np.stack([np.cos(heading), np.sin(heading), np.zeros_like(heading)], axis=-1)
     starts = np.repeat(origins, subbeams, axis=0)
     rays = rays.reshape(-1, 3)
+    leans = attitude.leans(seconds)
+    if leans.any():
+        foot = np.repeat(base * (1.0, 1.0, 0.0), subbeams, axis=0)
+        leans = np.repeat(leans, subbeams * BEAMS, axis=0)
+        yaws = np.repeat(base[:, 2], subbeams)
+        starts = foot + _leaned(starts - foot, leans, yaws)
+        rays = _leaned(rays, leans, yaws)
     ranges = scene.cast(starts, rays).distance
     for person in people:
         ankles = person.ankles(times)
@@ -101,6 +110,18 @@ def scan(
     rounded = np.round(noisy, 3) if laser.noise_sigma else noisy
     rounded = np.where(lost | ~(rounded < RANGE_MAX) | (rounded < RANGE_MIN), np.inf, rounded)
     return rounded.astype(np.float32).reshape(len(seconds), BEAMS)
+
+
+def _leaned(vectors: Floats, leans: Floats, yaws: Floats) -> Floats:
+    """Turn (n, 3) vectors with a base of these yaws that leans by (n, 2) roll and pitch.
+
+    The angles are tenths of a degree: a turn is the cross product with its vector.
+    """
+    c, s = np.cos(yaws), np.sin(yaws)
+    about = np.column_stack(
+        [c * leans[:, 0] - s * leans[:, 1], s * leans[:, 0] + c * leans[:, 1], np.zeros(len(yaws))]
+    )
+    return np.asarray(vectors + np.cross(about, vectors))
 
 
 def _to_circle(origins: Floats, rays: Floats, middles: Floats, diameter: float) -> Floats:

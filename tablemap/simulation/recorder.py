@@ -154,6 +154,7 @@ def _scans(simulation: Simulation) -> NDArray[np.float32]:
             Scene(solid),
             simulation.world.people,
             simulation.drive,
+            simulation.attitude,
             seconds[chosen],
             laser=simulation.scenario.laser,
             errors=simulation.laser_errors,

@@ -155,6 +155,21 @@ class Camera(Section):
     height: int = Field(default=480, ge=24)
 
 
+class Head(Section):
+    """Errors of the head's encoders, drawn anew each time that the head comes to rest."""
+
+    pan_sigma_deg: float = Field(default=0.0, ge=0)
+    tilt_sigma_deg: float = Field(default=0.0, ge=0)
+
+
+class Ground(Section):
+    """An uneven floor. That the base leans on it is a setting of its own."""
+
+    lean_sigma_deg: float = Field(default=0.0, ge=0, description="roll and pitch at each stop")
+    wave: float = Field(default=0.0, ge=0, description="from trough to crest")
+    wave_length: float = Field(default=1.5, gt=0)
+
+
 class Laser(Section):
     """Errors of the laser scanner."""
 
@@ -197,6 +212,8 @@ class Scenario(Section):
     surroundings: Surroundings = Surroundings()
     robot: Robot = Robot()
     camera: Camera = Camera()
+    head: Head = Head()
+    ground: Ground = Ground()
     laser: Laser = Laser()
     wheels: Wheels = Wheels()
     localisation: Localisation = Localisation()

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import zlib
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
 from tablemap.geometry import Floats, wrap_angle
+from tablemap.simulation.attitude import Attitude, draw_attitude
 from tablemap.simulation.camera import CameraErrors, DepthCamera, map_from, recorded_mounting
 from tablemap.simulation.drive import Belief, Drive, believe, draw_drive
 from tablemap.simulation.laser import LaserErrors
 from tablemap.simulation.meshes import Part
 from tablemap.simulation.scenario import Robot, Scenario
+from tablemap.simulation.seeds import Generators, generators
 from tablemap.simulation.shapes import surface_truth
 from tablemap.simulation.world import World, draw_world
 
@@ -33,6 +34,7 @@ class Simulation:
     seed: int
     world: World
     drive: Drive
+    attitude: Attitude
     belief: Belief
     camera: DepthCamera
     laser_errors: LaserErrors
@@ -56,16 +58,21 @@ class Simulation:
     def map_from_camera(self, second: float) -> Floats:
         """Return the true (4, 4) pose of the optical frame."""
         at = np.array([second])
+        pan, tilt = self.attitude.turns(at)[0]
         mounting = recorded_mounting(
-            self.scenario.robot.camera_height, float(self.drive.tilt(at)[0])
+            self.scenario.robot.camera_height, float(self.drive.tilt(at)[0] + tilt)
         )
         # The head turns about the base's vertical axis, and the camera's errors turn with it.
-        looking = self.drive.base(at)[0] + self.drive.pan(at) * (0.0, 0.0, 1.0)
-        return map_from(looking, self.camera.errors.applied(mounting))
+        base = self.drive.base(at)[0]
+        looking = base + (self.drive.pan(at) + pan) * (0.0, 0.0, 1.0)
+        pose = map_from(looking, self.camera.errors.applied(mounting))
+        leaning = self.attitude.leaning(base, second)
+        return pose if leaning is None else leaning @ pose
 
-    def generator(self, purpose: str) -> np.random.Generator:
-        """Return the random numbers of one purpose, the same each time."""
-        return _generator(self.scenario, self.seed, purpose)
+    @cached_property
+    def generator(self) -> Generators:
+        """The recording's random numbers by purpose."""
+        return generators(self.scenario.name, self.seed)
 
     @cached_property
     def true_bases(self) -> Floats:
@@ -106,6 +113,7 @@ class Simulation:
                 "camera_z": camera.z,
                 "bend": camera.bend.truth() if camera.bend else None,
                 "warming": camera.warming,
+                **self.attitude.truth(),
                 "laser_range_scale": laser.scale,
                 "laser_range_bias": laser.bias,
                 "laser_range_bias_slope": laser.bias_slope,
@@ -118,13 +126,11 @@ class Simulation:
 
 def simulate(scenario: Scenario, *, seed: int, nominal: bool = False) -> Simulation:
     """Draw a recording's world, drive and errors; ``nominal`` keeps the table's sizes as stated."""
-    world = draw_world(scenario, _generator(scenario, seed, "world"), nominal=nominal)
-    drive = draw_drive(scenario.robot, world, _generator(scenario, seed, "drive"))
-    belief = believe(
-        drive, scenario.wheels, scenario.localisation, _generator(scenario, seed, "belief")
-    )
-    sensors = _generator(scenario, seed, "sensors")
-    generator = partial(_generator, scenario, seed)
+    generator = generators(scenario.name, seed)
+    world = draw_world(scenario, generator("world"), nominal=nominal)
+    drive = draw_drive(scenario.robot, world, generator("drive"))
+    belief = believe(drive, scenario.wheels, scenario.localisation, generator("belief"))
+    sensors = generator("sensors")
     camera = DepthCamera(scenario.camera, CameraErrors.drawn(scenario.camera, sensors, generator))
     laser_errors = LaserErrors.drawn(scenario.laser, sensors)
     moved_second = _NEVER
@@ -136,6 +142,7 @@ def simulate(scenario: Scenario, *, seed: int, nominal: bool = False) -> Simulat
         seed,
         world,
         drive,
+        draw_attitude(scenario, drive, generator),
         belief,
         camera,
         laser_errors,
@@ -143,11 +150,6 @@ def simulate(scenario: Scenario, *, seed: int, nominal: bool = False) -> Simulat
         _scan_seconds(scenario.robot, drive),
         moved_second,
     )
-
-
-def _generator(scenario: Scenario, seed: int, purpose: str) -> np.random.Generator:
-    name = zlib.crc32(scenario.name.encode())
-    return np.random.default_rng([name, seed, zlib.crc32(purpose.encode())])
 
 
 def _image_seconds(robot: Robot, drive: Drive) -> Floats:
