@@ -26,13 +26,22 @@ RENAMED = {
     "calibration.view_height_sigma": "sensors.view_height_sigma",
     "calibration.view_tilt_sigma_deg": "sensors.view_tilt_sigma_deg",
     "crosscheck.bias_sigma": "sensors.edge_bias_sigma",
+    "crosscheck.correlation": "tablemap/stages/crosscheck/edges.py:_CORRELATED",
+    "crosscheck.largest_sigma": "tablemap/stages/crosscheck/stage.py:_LARGEST_SIGMA",
+    "crosscheck.minimum_points": "tablemap/stages/crosscheck/edges.py:_LEAST_POINTS",
+    "crosscheck.minimum_rows": "tablemap/stages/crosscheck/sightings.py:_LEAST_ROWS",
+    "crosscheck.minimum_sightings": "tablemap/stages/crosscheck/stage.py:_LEAST_SIGHTINGS",
     "crosscheck.mounting_sigma": "sensors.laser_mounting_sigma",
     "crosscheck.mounting_yaw_sigma": "sensors.laser_mounting_yaw_sigma",
+    "crosscheck.offset_sigma": "tablemap/stages/crosscheck/solve.py:_OFFSET_SIGMA",
+    "crosscheck.points": "tablemap/stages/crosscheck/edges.py:_MOST_POINTS",
     "crosscheck.range_scale_sigma": "sensors.laser_range_scale_sigma_wide",
+    "crosscheck.reach": "tablemap/stages/crosscheck/edges.py:_REACH",
     "crosscheck.rim_set_back": "sensors.rim_set_back",
     "crosscheck.scale_sigma": "sensors.calibrated_depth_scale_sigma_crosscheck",
     "crosscheck.silhouette_middle_px": "sensors.silhouette_middle_sigma_px",
     "crosscheck.silhouette_width_px": "sensors.silhouette_width_sigma_px",
+    "crosscheck.yaw_sigma": "tablemap/stages/crosscheck/solve.py:_YAW_SIGMA",
     "legs.beam_half_width": "sensors.laser_beam_half_width",
     "legs.beam_half_width_sigma": "sensors.laser_beam_half_width_sigma",
     "legs.depth_sigma": "sensors.depth_silhouette_sigma",
@@ -57,7 +66,7 @@ RENAMED = {
     "surface.scale_sigma": "sensors.calibrated_depth_scale_sigma_surface",
     "surface.trusted_height": "sensors.camera_height_trusted",
 }
-"""Names of settings that are gone, and the names that took their place."""
+"""What became of settings that are gone: their new names, or file and name of a constant."""
 
 
 def load_config(file: Path | None = None, *, overrides: Sequence[str] = ()) -> Config:
@@ -122,7 +131,8 @@ def _names(tree: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
 
 
 def _renamed(old: str) -> str:
-    return f"{old} is now {RENAMED[old]}"
+    file, is_constant, name = RENAMED[old].partition(":")
+    return f"{old} is a constant now: {name} in {file}" if is_constant else f"{old} is now {file}"
 
 
 def _explain(error: ValidationError) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -73,11 +74,28 @@ def test_a_setting_with_a_new_name_says_it(tmp_path: Path) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_new_names_are_settings_and_old_ones_are_none() -> None:
-    """The table of names cannot point nowhere."""
-    names = set(setting_names(Config))
-    assert names.issuperset(RENAMED.values())
-    assert names.isdisjoint(RENAMED)
+def test_a_setting_that_became_a_constant_says_where() -> None:
+    """Who has changed it finds it."""
+    with pytest.raises(ConfigError) as caught:
+        load_config(overrides=["crosscheck.reach=0.1"])
+    place = "_REACH in tablemap/stages/crosscheck/edges.py"
+    assert str(caught.value) == f"crosscheck.reach is a constant now: {place}."
+
+
+def test_no_setting_has_an_old_name() -> None:
+    """Else it could not be set."""
+    assert set(setting_names(Config)).isdisjoint(RENAMED)
+
+
+@pytest.mark.parametrize("old", RENAMED)
+def test_what_an_old_name_points_to_is_there(old: str) -> None:
+    """A setting, or a constant of a module."""
+    file, is_constant, name = RENAMED[old].partition(":")
+    if is_constant:
+        module = importlib.import_module(file.removesuffix(".py").replace("/", "."))
+        assert hasattr(module, name)
+    else:
+        assert file in set(setting_names(Config))
 
 
 @pytest.mark.parametrize("text", ["seed = ", "[topics", "\xff"])

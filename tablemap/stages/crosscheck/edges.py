@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from tablemap.config import CrossCheckConfig
 from tablemap.geometry import Floats
 from tablemap.stages.crosscheck.rows import Rows, bias_row, stacked
 from tablemap.stages.outline import EdgeKind, ViewEdges
@@ -15,11 +14,13 @@ from tablemap.stages.surface import Surface
 
 _FACING = 0.8  # cosine between a point's normal and its side's
 _BEYOND = 0.02  # metres past a side's end
+_REACH = 0.06  # metres off every side: farther off, a point belongs to none
+_LEAST_POINTS = 20  # edge points that a view must show
+_MOST_POINTS = 150  # edge points of a view: neighbours repeat each other
+_CORRELATED = 8.0  # neighbouring edge points share pixels and err together: they count as one
 
 
-def edge_rows(
-    views: list[ViewEdges], surface: Surface, registration: Registration, config: CrossCheckConfig
-) -> Rows | None:
+def edge_rows(views: list[ViewEdges], surface: Surface, registration: Registration) -> Rows | None:
     """Lay the edge points on the outline and keep those that belong to a side of it.
 
     None where there are too few. The outline keeps its freedom: a straight side may shift and
@@ -37,14 +38,14 @@ def edge_rows(
             & np.isfinite(view.sigma)
             & (view.sigma > 0)
         )
-        kept = good[:: max(1, len(good) // config.points)]
-        if len(kept) < config.minimum_points:
+        kept = good[:: max(1, len(good) // _MOST_POINTS)]
+        if len(kept) < _LEAST_POINTS:
             continue
-        worth = config.correlation * len(kept) / len(good)
+        worth = _CORRELATED * len(kept) / len(good)
         turn = pose.rotation
         arm, ray = view.points[kept] @ turn.T, (view.points[kept] - view.camera_xy) @ turn.T
         places, normals = arm + pose.translation, view.normals[kept] @ turn.T
-        normal, distance, basis = _against(places, normals, surface, config.reach)
+        normal, distance, basis = _against(places, normals, surface)
         near = view.is_near[kept].astype(np.float64)
         same = np.ones(len(kept))
         parts.append(
@@ -67,18 +68,16 @@ def edge_rows(
         return None
     rows = stacked(parts)
     rows = rows.only(np.isfinite(rows.distance))
-    if len(rows) < config.minimum_points:
+    if len(rows) < _LEAST_POINTS:
         return None
     moved = np.abs(rows.basis).sum(axis=0) > 0
     return replace(rows, basis=rows.basis[:, moved])
 
 
-def _against(
-    places: Floats, normals: Floats, surface: Surface, reach: float
-) -> tuple[Floats, Floats, Floats]:
+def _against(places: Floats, normals: Floats, surface: Surface) -> tuple[Floats, Floats, Floats]:
     """Return outline normals (n, 2), distances (n,) and the outline's freedom (n, k) at points.
 
-    The distance is NaN for what no side within ``reach`` fits.
+    The distance is NaN for what no side within `_REACH` fits.
     """
     pieces = [edge.points for edge in surface.edges]
     starts = np.concatenate([piece[:-1] for piece in pieces])
@@ -92,7 +91,7 @@ def _against(
     across = np.einsum("nsk,sk->ns", offset, outward)
     run = np.einsum("nsk,sk->ns", offset, along)
     beyond = np.maximum(np.maximum(-run, run - length), 0.0)
-    fits = (normals @ outward.T > _FACING) & (np.abs(across) < reach) & (beyond < _BEYOND)
+    fits = (normals @ outward.T > _FACING) & (np.abs(across) < _REACH) & (beyond < _BEYOND)
     cost = np.where(fits, np.hypot(across, beyond), np.inf)
     best = np.argmin(cost, axis=1)
     rows = np.arange(len(places))

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tablemap.config import CrossCheckConfig
 from tablemap.geometry import Floats, Pose2, invert, transform
 from tablemap.stages.crosscheck.rows import Rows, bias_row, stacked, together
 from tablemap.stages.legs import Leg
@@ -19,6 +18,7 @@ _LOW, _UNDER_TOP = 0.05, 0.07  # metres above the floor and under the top that a
 _ASIDE = 0.05  # metres beside a leg that are looked at, to find its silhouette
 _BEFORE, _BEHIND = 0.05, 0.05  # metres before and behind a leg's face that still are the leg
 _LARGEST = 0.2  # metres across: what is wider has no silhouette that fits a view
+_LEAST_ROWS = 8  # image rows that must show both borders of a leg
 _STEEPEST = 0.3  # cosine of the look down on a leg under which columns smear
 
 
@@ -38,7 +38,6 @@ def leg_rows(
     registration: Registration,
     legs: tuple[Leg, ...],
     height: float,
-    config: CrossCheckConfig,
 ) -> tuple[Rows | None, int]:
     """Compare every leg that the laser placed with its silhouette and face in each depth image.
 
@@ -58,7 +57,7 @@ def leg_rows(
             if not registration.used[snapshot.index]:
                 continue
             pose = registration.map_from_base[snapshot.index]
-            seen = _sighted(snapshot, pose, leg, height, config)
+            seen = _sighted(snapshot, pose, leg, height)
             if seen is not None:
                 own.append(_rows(seen, snapshot, pose, place, leg.position_sigma))
                 sightings += 1
@@ -88,9 +87,7 @@ def _rows(
     )
 
 
-def _sighted(
-    snapshot: Snapshot, pose: Pose2, leg: Leg, height: float, config: CrossCheckConfig
-) -> _Sighting | None:
+def _sighted(snapshot: Snapshot, pose: Pose2, leg: Leg, height: float) -> _Sighting | None:
     """Find the leg in one depth image; None where it is not whole or does not stand upright."""
     camera = snapshot.camera
     eye = snapshot.base_from_camera[:2, 3]
@@ -120,10 +117,9 @@ def _sighted(
     flat = np.hypot(direction[..., 0], direction[..., 1]) / np.linalg.norm(direction, axis=-1)
     sides = _silhouettes(on & (flat > _STEEPEST), depth, bearing, points[..., 2], away)
     pixel = away / camera.fx
-    least = config.minimum_rows
     tangents = []
     for sign, (angles, levels) in zip((1.0, -1.0), sides, strict=True):
-        if len(angles) < least:
+        if len(angles) < _LEAST_ROWS:
             return None
         middle, spread, lean = _upright(angles, levels)
         # A leg that leans is not where the laser cuts it.
@@ -146,7 +142,7 @@ def _sighted(
             float(normal @ (touch - centre)) - float(support(kind, values, normal[None])[0][0])
         )
         # Rows go together: their number says little. A third of a pixel stays.
-        variances.append((pixel / 3.0) ** 2 + (away * spread) ** 2 / least)
+        variances.append((pixel / 3.0) ** 2 + (away * spread) ** 2 / _LEAST_ROWS)
         biases.append(
             bias_row("width of silhouettes", np.array([-pixel]))
             + bias_row("their middle", np.array([-sign * pixel]))
@@ -157,7 +153,7 @@ def _sighted(
         places.append(place)
         normals.append(normal)
         distances.append(distance)
-        variances.append(0.001**2 + spread**2 / least)
+        variances.append(0.001**2 + spread**2 / _LEAST_ROWS)
         biases.append(bias_row("depth of legs", np.array([normal @ sight])))
     return _Sighting(
         np.array(places),

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tablemap.config import CrossCheckConfig, SensorsConfig
+from tablemap.config import SensorsConfig
 from tablemap.geometry import Floats
 from tablemap.stages.crosscheck.rows import Rows
 
@@ -14,6 +14,9 @@ ASKED = 4
 """Forward, left, yaw of the camera in the base, and the laser's scale: the first unknowns."""
 
 _SETTLES = 12
+# The asked offset is nearly free within what a wrong TF does: the data decide.
+_OFFSET_SIGMA = 0.02  # metres
+_YAW_SIGMA = 0.01  # radians
 _TUKEY = 9.0  # squared sigmas at which a row has a quarter of its weight
 _FREEDOM = 0.05  # metres: the outline is nearly free
 
@@ -29,17 +32,17 @@ class Solution:
     covariance: Floats
 
 
-def prior_sigmas(config: CrossCheckConfig, sensors: SensorsConfig) -> Floats:
+def prior_sigmas(sensors: SensorsConfig) -> Floats:
     """Return (4,) standard deviations of the asked unknowns that are let in."""
-    offset = config.offset_sigma
-    return np.array([offset, offset, config.yaw_sigma, sensors.laser_range_scale_sigma_wide])
+    return np.array(
+        [_OFFSET_SIGMA, _OFFSET_SIGMA, _YAW_SIGMA, sensors.laser_range_scale_sigma_wide]
+    )
 
 
 def solve(
     rows: Rows,
     pose_covariance: Floats,
     far_bias_sigma: float,
-    config: CrossCheckConfig,
     sensors: SensorsConfig,
 ) -> Solution:
     """Robust least squares over offset, scales, shared biases, freedoms and poses.
@@ -54,7 +57,7 @@ def solve(
     freedom = np.where(np.abs(rows.basis[is_leg]).sum(axis=0) > 0, 1.0, _FREEDOM)
     sigma = np.concatenate(
         [
-            prior_sigmas(config, sensors),
+            prior_sigmas(sensors),
             [sensors.calibrated_depth_scale_sigma_crosscheck],
             [sensors.edge_bias_sigma, far_bias_sigma],
             [sensors.silhouette_width_sigma_px, sensors.silhouette_middle_sigma_px],

@@ -26,6 +26,9 @@ from tablemap.stages.registration import Registration
 from tablemap.stages.snapshots import Snapshot, turned_left
 from tablemap.stages.surface import Surface
 
+_LEAST_SIGHTINGS = 4  # legs seen, counted over all views: fewer say nothing
+_LARGEST_SIGMA = 0.004  # metres at the table: an estimate less certain is none
+
 
 @dataclass(frozen=True)
 class _Arms:
@@ -59,11 +62,11 @@ def cross_check(
     if registration.source != "laser" or _has_turned(snapshots):
         return _nothing(0, 0, 0)
     views = [v for v in outline.views if registration.used[v.index]]
-    edges = edge_rows(views, surface, registration, config)
+    edges = edge_rows(views, surface, registration)
     if edges is not None and len(np.unique(edges.view)) < config.minimum_views:
         edges = None
-    sighted, sightings = leg_rows(snapshots, registration, legs, surface.height.value, config)
-    if sighted is not None and sightings < config.minimum_sightings:
+    sighted, sightings = leg_rows(snapshots, registration, legs, surface.height.value)
+    if sighted is not None and sightings < _LEAST_SIGHTINGS:
         sighted = None
     parts = [rows for rows in (edges, sighted) if rows is not None]
     if not parts:
@@ -74,7 +77,7 @@ def cross_check(
     far = float(np.hypot(sensors.edge_bias_sigma, set_back))
 
     def solved(rows: Rows) -> Solution:
-        return solve(rows, registration.covariance, far, config, sensors)
+        return solve(rows, registration.covariance, far, sensors)
 
     arms = _arms(rows)
     solution = solved(rows)
@@ -87,7 +90,7 @@ def cross_check(
     sigma = sigma * _disagreement(by_edges, by_legs)
     points = 0 if edges is None else len(edges)
     count = len(np.unique(rows.view))
-    if sigma.max() > config.largest_sigma:
+    if sigma.max() > _LARGEST_SIGMA:
         return _nothing(points, count, sightings)
     size = float(np.hypot(*at_table))
     found = size > config.threshold and bool(
@@ -109,7 +112,7 @@ def cross_check(
         range_scale_sigma=scale_sigma if told else None,
         by_edges=by_edges,
         by_legs=by_legs,
-        excess=_excess(solution, config, sensors) if found else 1.0,
+        excess=_excess(solution, sensors) if found else 1.0,
         sightings=sightings,
     )
 
@@ -139,11 +142,11 @@ def _disagreement(first: Estimate | None, second: Estimate | None) -> float:
     return max(1.0, float(np.sqrt(apart.mean())))
 
 
-def _excess(solution: Solution, config: CrossCheckConfig, sensors: SensorsConfig) -> float:
+def _excess(solution: Solution, sensors: SensorsConfig) -> float:
     """Return how many times larger than assumed mounting and scale errors are (Birge's ratio)."""
     assumed = np.array([sensors.laser_mounting_sigma] * 2 + [sensors.laser_mounting_yaw_sigma, 0.0])
     assumed[3] = sensors.laser_range_scale_sigma_wide
-    let_in = np.diag(prior_sigmas(config, sensors) ** -2.0)
+    let_in = np.diag(prior_sigmas(sensors) ** -2.0)
     likelihood = np.linalg.inv(solution.covariance) - let_in
     values, vectors = np.linalg.eigh((likelihood + likelihood.T) / 2)
     # What the evidence alone says, without the loose prior: its information and its mean.
