@@ -9,17 +9,10 @@ import numpy as np
 
 from tablemap.geometry import wrap_angle
 from tablemap.model import Figure, TableLeg, TableModel
+from tablemap.model.shapes import shape_named
 
 SAME_LEG = 0.25
 """Legs farther apart than this (metres) are not the same."""
-ANGLES = ("angle", "yaw")
-PERIODS = {
-    "rectangle": math.pi,
-    "parallelogram": math.pi,
-    "ellipse": math.pi,
-    "square": math.pi / 2,
-}
-"""After how much turning a shape is the same again."""
 
 
 @dataclass(frozen=True)
@@ -111,15 +104,15 @@ def _together(a: float | None, b: float | None) -> float | None:
 
 def _place(a: TableModel, b: TableModel) -> list[Difference]:
     rows = []
+    # Two shapes differ by no more than the finer symmetry of both tells.
+    period = min(shape_named(model.surface.shape).yaw_period for model in (a, b))
     for k, name in enumerate(("x", "y", "yaw")):
         first, second = (getattr(model.surface.pose, name) for model in (a, b))
         variance = sum(model.surface.pose.covariance[k][k] for model in (a, b))
         difference = second - first
         if name == "yaw":
-            if "circle" in (a.surface.shape, b.surface.shape):
+            if not period:
                 continue
-            same = a.surface.shape == b.surface.shape
-            period = PERIODS.get(a.surface.shape, math.tau) if same else math.tau
             difference = wrap_angle(difference, period)
         rows.append(Difference(name, first, second, difference, math.sqrt(max(variance, 0.0))))
     return rows

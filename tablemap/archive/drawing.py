@@ -8,6 +8,7 @@ from xml.sax.saxutils import escape
 
 from tablemap.errors import TablemapError
 from tablemap.model import TableLeg, TableModel
+from tablemap.model.shapes import shape_named
 
 COLOURS = ("#1f6fb4", "#d1581b")
 MARGIN = 0.25  # metres round both tables
@@ -72,13 +73,12 @@ def _polygon(points: list[tuple[float, float]], left: float, high: float, scale:
 
 
 def _leg(leg: TableLeg, left: float, high: float, scale: float) -> str:
-    sizes = {name: figure.value for name, figure in leg.dimensions.items()}
-    if leg.shape == "circle":
-        radius = sizes.get("diameter", LEG_WITHOUT_SIZE) / 2 * scale
+    record = shape_named(leg.shape)
+    sizes = record.extents({name: figure.value for name, figure in leg.dimensions.items()})
+    along, across = (size / 2 for size in sizes or (LEG_WITHOUT_SIZE, LEG_WITHOUT_SIZE))
+    if record.is_elliptic:
         x, y = (leg.x - left) * scale, (high - leg.y) * scale
-        return f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{radius:.2f}"/>'
-    along = sizes.get("length", LEG_WITHOUT_SIZE) / 2
-    across = sizes.get("width", 2 * along) / 2
+        return f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{along * scale:.2f}"/>'
     c, s = math.cos(leg.yaw), math.sin(leg.yaw)
     corners = [(along, across), (-along, across), (-along, -across), (along, -across)]
     turned = [(leg.x + c * u - s * v, leg.y + s * u + c * v) for u, v in corners]

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 from tablemap.archive.folder import load_run
 from tablemap.errors import TablemapError
 from tablemap.model import TableModel
+from tablemap.model.shapes import shape_named
 
 INDEX = ".index.json"
 SCHEMA = "tablemap/index/2"
@@ -171,8 +172,11 @@ def _load(file: Path) -> dict[str, tuple[Stamp, RunRow]]:
         for a, b, c, d, path, *words, known, values in document["runs"]:
             recording, run = path.split("/")
             figures = dict(zip(names[known], values, strict=True))
-            held[path] = (a, b, c, d), RunRow._make((path, recording, run, *words, figures))
-    except (OSError, ValueError, LookupError, TypeError):
+            row = RunRow._make((path, recording, run, *words, figures))
+            if row.shape is not None:
+                shape_named(row.shape)
+            held[path] = (a, b, c, d), row
+    except (OSError, ValueError, LookupError, TypeError, TablemapError):
         return {}
     return held
 

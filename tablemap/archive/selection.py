@@ -12,6 +12,7 @@ from fnmatch import fnmatchcase
 
 from tablemap.archive.index import RunRow
 from tablemap.errors import ConfigError
+from tablemap.model.shapes import SHAPES
 
 WORDS = ("recording", "run", "started", "status", "method", "shape", "verdict")
 """What a row has besides figures."""
@@ -47,8 +48,10 @@ class Selection:
     def of(self, rows: Iterable[RunRow]) -> list[RunRow]:
         """Return the rows that are wanted, sorted.
 
-        Raises `ConfigError` for a date or condition that cannot be read, or an unknown figure.
+        Raises `ConfigError` for a date or condition that cannot be read, or an unknown shape or
+        figure.
         """
+        _check_shapes(self.shape)
         rows = list(rows)
         by_figure = self.where or self.sort.removeprefix("-") not in WORDS
         names = {name for row in rows for name in row.figures} if by_figure else set()
@@ -105,6 +108,12 @@ def _condition(text: str, names: set[str]) -> Callable[[RunRow], bool]:
         raise ConfigError(f"expected a condition such as height<0.7, found {text!r}.") from error
     _check_name(name, names)
     return lambda row: name in row.figures and sign(row.figures[name], limit)
+
+
+def _check_shapes(names: Sequence[str]) -> None:
+    for name in names:
+        if name not in SHAPES:
+            raise ConfigError(f"expected one of the shapes {', '.join(SHAPES)}; found {name!r}.")
 
 
 def _check_name(name: str, names: set[str]) -> None:

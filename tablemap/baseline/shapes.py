@@ -10,7 +10,7 @@ from scipy.spatial import Delaunay
 
 from tablemap.errors import EstimationError
 from tablemap.geometry import Floats
-from tablemap.model import Shape
+from tablemap.model.shapes import CIRCLE, MESH, PARALLELOGRAM
 
 TRIALS = 4000
 
@@ -19,7 +19,7 @@ TRIALS = 4000
 class Found:
     """A primitive: pose of its centroid, dimensions, outline (n, 2), inliers over hull points."""
 
-    shape: Shape
+    shape: str
     x: float
     y: float
     yaw: float
@@ -34,7 +34,7 @@ class Found:
         order = np.argsort(np.arctan2(*(hull - centre).T[::-1]))
         polygon = shapely.Polygon(hull[order])
         middle = polygon.centroid
-        return Found("mesh", middle.x, middle.y, 0.0, {}, hull[order], 0.0)
+        return Found(MESH.name, middle.x, middle.y, 0.0, {}, hull[order], 0.0)
 
 
 def hull_points(points: Floats, alpha: float) -> Floats:
@@ -87,7 +87,7 @@ def find_circle(hull: Floats, threshold: float, rng: np.random.Generator) -> Fou
     turns = 2 * np.pi * np.arange(72) / 72
     outline = np.column_stack([cx + fitted * np.cos(turns), cy + fitted * np.sin(turns)])
     score = float((np.abs(np.hypot(*(hull - [cx, cy]).T) - fitted) <= threshold).mean())
-    return Found("circle", cx, cy, 0.0, {"diameter": 2 * fitted}, outline, score)
+    return Found(CIRCLE.name, cx, cy, 0.0, {"diameter": 2 * fitted}, outline, score)
 
 
 def find_parallelogram(hull: Floats, threshold: float, rng: np.random.Generator) -> Found | None:
@@ -118,7 +118,7 @@ def find_parallelogram(hull: Floats, threshold: float, rng: np.random.Generator)
     on_lines = first.inliers(hull, threshold) | second.inliers(hull, threshold)
     x, y = outline.mean(axis=0)
     return Found(
-        "parallelogram",
+        PARALLELOGRAM.name,
         float(x),
         float(y),
         float(np.arctan2(u[1], u[0]) % np.pi),

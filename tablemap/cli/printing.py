@@ -45,18 +45,12 @@ def outcome_rows(outcomes: list[Outcome]) -> Iterator[tuple[str, ...]]:
         yield (outcome.recording.name, outcome.status, shape, size, height, verdict, run)
 
 
-SIZES = {
-    "circle": ("diameter",),
-    "ellipse": ("major", "minor"),
-    "rectangle": ("length", "width"),
-    "square": ("side",),
-    "parallelogram": ("length", "width"),
-}
-
-
 def size_text(shape: str | None, figures: dict[str, float]) -> str:
-    """Return a shape's dimensions as text, metres."""
-    return " x ".join(metres_text(figures.get(name)) for name in SIZES.get(shape or "", ()))
+    """Return the lengths of a shape as text, metres; nothing without a shape."""
+    from tablemap.model.shapes import shape_named
+
+    lengths = shape_named(shape).lengths if shape else ()
+    return " x ".join(metres_text(figures.get(name)) for name in lengths)
 
 
 def metres_text(value: float | None) -> str:

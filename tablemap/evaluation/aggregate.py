@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tablemap.evaluation.metrics import FAMILY, MEASURED, Error, Score
+from tablemap.evaluation.metrics import MEASURED, Error, Score
+from tablemap.model.shapes import PARALLELOGRAM, shape_named
 
 Spread = dict[str, float | None]
 """``median``, ``p95`` and ``worst`` of absolute values; None where there are none."""
@@ -30,8 +31,8 @@ class RunScore:
         """Whether the shape is the true one; the report has one word for all quadrilaterals."""
         if self.score is None:
             return False
-        if self.method == "report" and self.score.shape == "parallelogram":
-            return FAMILY.get(self.score.true_shape) == "quadrilateral"
+        if self.method == "report" and self.score.shape == PARALLELOGRAM.name:
+            return shape_named(self.score.true_shape).is_quadrilateral
         return self.score.shape == self.score.true_shape
 
 

@@ -16,6 +16,7 @@ from scipy.optimize import linear_sum_assignment
 from tablemap.evaluation.truth import TrueSurface, Truth
 from tablemap.geometry import Floats, Pose2, wrap_angle
 from tablemap.model import Dimension, TableModel, TableSurface
+from tablemap.model.shapes import shape_named
 from tablemap.stages.surface.shapes.shape import extents
 
 MEASURED = "measured"
@@ -30,20 +31,6 @@ HARMLESS = 0.008
 
 LARGEST_TURN = float(np.radians(5.0))
 """A top turned further against the snapshots is wrong itself, radians."""
-SYMMETRY = {
-    "rectangle": np.pi,
-    "parallelogram": np.pi,
-    "ellipse": np.pi,
-    "square": np.pi / 2,
-}
-"""The turn that brings a shape onto itself, radians; others have no heading."""
-FAMILY = {
-    "rectangle": "quadrilateral",
-    "square": "quadrilateral",
-    "parallelogram": "quadrilateral",
-    "circle": "round",
-    "ellipse": "round",
-}
 
 
 @dataclass(frozen=True)
@@ -196,14 +183,14 @@ def _align_snapshots(
 
 
 def _dimension_errors(surface: TableSurface, truth: Truth) -> tuple[Error, ...]:
-    """Compare like with like: same family by name, anything else by the extents of the outlines."""
+    """Compare as many corners by name, anything else by the extents of the outlines."""
     true = truth.surface
+    called, meant = shape_named(surface.shape), shape_named(true.shape)
     pairs: list[tuple[str, float, float | None, str, float]] = []
-    same_family = FAMILY.get(surface.shape) == FAMILY.get(true.shape) is not None
-    if true.dimensions and same_family:
-        long_short = _long_short(true.dimensions)
-        figures = list(surface.dimensions.items())
-        lengths = [item for item in figures if item[0] not in ("angle", "corner_radius")]
+    named = meant.extents(true.dimensions or {})
+    long_short = (max(named), min(named)) if named else None
+    if long_short and called.corners == meant.corners is not None:
+        lengths = [item for item in surface.dimensions.items() if item[0] in called.lengths]
         if len(lengths) == 1:
             figure = lengths[0][1]
             names = (
@@ -218,10 +205,7 @@ def _dimension_errors(surface: TableSurface, truth: Truth) -> tuple[Error, ...]:
                 (name, figure.value, figure.sigma, figure.status, value)
                 for (name, figure), value in zip(lengths, long_short, strict=False)
             ]
-    elif true.outline or true.dimensions:
-        expected = (
-            extents(np.array(true.outline)) if true.outline else _long_short(true.dimensions or {})
-        )
+    elif expected := extents(np.array(true.outline)) if true.outline else long_short:
         statuses = {edge.status for edge in surface.edges}
         status = MEASURED if statuses <= {MEASURED} else "inferred"
         for name, value, size in zip(
@@ -243,19 +227,12 @@ def _dimension_errors(surface: TableSurface, truth: Truth) -> tuple[Error, ...]:
     )
 
 
-def _long_short(dimensions: dict[str, float]) -> tuple[float, float]:
-    values = sorted(
-        (v for name, v in dimensions.items() if name not in ("angle", "corner_radius")),
-        reverse=True,
-    )
-    return values[0], values[-1]
-
-
 def _angle_error(surface: TableSurface, true: TrueSurface) -> Error | None:
-    if FAMILY.get(true.shape) != "quadrilateral" or FAMILY.get(surface.shape) != "quadrilateral":
+    called, meant = shape_named(surface.shape), shape_named(true.shape)
+    if not called.is_quadrilateral or not meant.is_quadrilateral:
         return None
-    expected = (true.dimensions or {}).get("angle", np.pi / 2)
-    figure = surface.dimensions.get("angle")
+    expected = (true.dimensions or {}).get(meant.angle, np.pi / 2) if meant.angle else np.pi / 2
+    figure = surface.dimensions.get(called.angle) if called.angle else None
     value, sigma = (figure.value, figure.sigma) if figure else (np.pi / 2, None)
     error = float(value - expected)
     return Error("angle", error, sigma, float(expected), abs(error))
@@ -339,10 +316,11 @@ def _turn_of(surface: TableSurface, true: TrueSurface, truth_from_model: Pose2) 
     The snapshots' poses that brought both together have an error of their own: a laser that is not
     where TF has it turns them all, round a table that it does not turn.
     """
-    periods = SYMMETRY.get(surface.shape), SYMMETRY.get(true.shape)
-    if None in periods or true.pose is None:
+    # A shape that only its outline tells has no heading of its own, and a circle has none at all.
+    periods = [shape_named(shape).symmetry for shape in (surface.shape, true.shape)]
+    period = min(period or 0.0 for period in periods)
+    if not period or true.pose is None:
         return Pose2()
-    period = min(p for p in periods if p is not None)
     turn = wrap_angle(true.pose.yaw - truth_from_model.yaw - surface.pose.yaw, period)
     return Pose2(0.0, 0.0, turn if abs(turn) < LARGEST_TURN else 0.0)
 

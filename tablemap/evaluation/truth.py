@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from tablemap.model import PlanarPose, Point, Shape
+from tablemap.model import PlanarPose, Point
 from tablemap.model.documents import read_document
+from tablemap.model.shapes import SectionName, ShapeName
 
 SCHEMA = "tablemap/truth/1"
 
@@ -29,7 +29,7 @@ class Tolerance(Part):
 class TrueSurface(Part):
     """The top. ``dimensions`` are named as in table.json; ``angle`` in radians."""
 
-    shape: Shape
+    shape: ShapeName
     pose: PlanarPose | None = None
     height: float | None = None
     dimensions: dict[str, float] | None = None
@@ -42,7 +42,7 @@ class TrueSurface(Part):
 class TrueLeg(Part):
     """A leg at the laser's height."""
 
-    shape: Literal["circle", "rectangle"]
+    shape: SectionName
     x: float
     y: float
     yaw: float = 0.0

@@ -14,6 +14,7 @@ from tablemap.export.rings import ellipse_ring, rectangle_ring
 from tablemap.export.solid import Box, Cylinder, Part, Prism, Solid
 from tablemap.geometry import Floats, Pose2
 from tablemap.model import TableLeg, TableModel, TableSurface
+from tablemap.model.shapes import shape_named
 
 
 def build(
@@ -70,20 +71,18 @@ def _top_shape(
     surface: TableSurface, pose: Pose2, thickness: float
 ) -> tuple[Box | Cylinder | Prism, bool]:
     """Return the top's primitive, or its outline as a prism, and whether that was repaired."""
-    sizes = {name: dimension.value for name, dimension in surface.dimensions.items()}
+    record = shape_named(surface.shape)
+    sizes = record.extents({name: size.value for name, size in surface.dimensions.items()})
     radius = surface.corner_radius.value if surface.corner_radius else 0.0
-    match surface.shape, sizes:
-        case "circle", {"diameter": diameter}:
-            return Cylinder(diameter / 2, thickness), False
-        case "ellipse", {"major": major, "minor": minor}:
-            return Prism(ellipse_ring(major, minor), thickness), False
-        case ("rectangle", {"length": length, "width": width}) | (
-            "square",
-            {"side": length as width},
-        ):
-            if radius <= 0:
-                return Box(length, width, thickness), False
-            return Prism(rectangle_ring(length, width, radius), thickness), False
+    if sizes and record.is_elliptic:
+        length, width = sizes
+        if length == width:
+            return Cylinder(length / 2, thickness), False
+        return Prism(ellipse_ring(length, width), thickness), False
+    if sizes and record.is_box:
+        if radius <= 0:
+            return Box(*sizes, thickness), False
+        return Prism(rectangle_ring(*sizes, radius), thickness), False
     ring, repaired = _simple_ring(np.array(surface.outline, dtype=np.float64).reshape(-1, 2))
     return Prism(pose.inverse().apply(ring), thickness), repaired
 
@@ -111,11 +110,14 @@ def _legs(legs: tuple[TableLeg, ...], pose: Pose2, height: float) -> tuple[Part,
     parts = []
     for number, leg in enumerate(legs, start=1):
         shape: Box | Cylinder
-        if leg.shape == "circle":
-            shape = Cylinder(leg.dimensions["diameter"].value / 2, height)
-        else:
-            length, width = leg.dimensions["length"].value, leg.dimensions["width"].value
-            shape = Box(length, width, height)
+        record = shape_named(leg.shape)
+        sizes = record.extents({name: size.value for name, size in leg.dimensions.items()})
+        if sizes is None:
+            raise TablemapError(
+                f"expected {' and '.join(record.lengths)} of leg {number}, found "
+                f"{' and '.join(leg.dimensions) or 'no size'}; nothing is exported."
+            )
+        shape = Cylinder(sizes[0] / 2, height) if record.is_elliptic else Box(*sizes, height)
         place = pose.inverse() @ Pose2(leg.x, leg.y, leg.yaw)
         if isinstance(shape, Cylinder):
             place = Pose2(place.x, place.y)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 from tablemap.model import Figure, TableModel
-
-PLURALS = {"circle": "round", "rectangle": "rectangular"}
+from tablemap.model.shapes import is_angle, shape_named
 
 
 def summary_rows(model: TableModel) -> list[tuple[str, str]]:
@@ -16,7 +15,7 @@ def summary_rows(model: TableModel) -> list[tuple[str, str]]:
     sigma_yaw = math.degrees(math.sqrt(max(pose.covariance[2][2], 0.0)))
     rows = [("shape", f"{surface.shape}, weight {surface.score:.2f}{_alternatives(model)}")]
     for name, figure in surface.dimensions.items():
-        text = angle(figure) if name == "angle" else length(figure)
+        text = angle(figure) if is_angle(name) else length(figure)
         rows.append((name, text if figure.status == "measured" else f"{text}, {figure.status}"))
     if surface.corner_radius:
         rows.append(("corner radius", length(surface.corner_radius)))
@@ -59,7 +58,7 @@ def _alternatives(model: TableModel) -> str:
 def _legs(model: TableModel) -> str:
     if not model.legs:
         return "none found"
-    shapes = sorted({PLURALS[leg.shape] for leg in model.legs})
+    shapes = sorted({shape_named(leg.shape).adjective for leg in model.legs})
     inferred = sum(leg.status != "measured" for leg in model.legs)
     note = f", {inferred} of them inferred" if inferred else ""
     return f"{len(model.legs)}, {' and '.join(shapes)}{note}"

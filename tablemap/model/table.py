@@ -15,6 +15,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict
 from pydantic.functional_serializers import PlainSerializer
 
 from tablemap.model.documents import parse_document, read_document
+from tablemap.model.shapes import SectionName, ShapeName
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 SCHEMA = "tablemap/table/1"
 
 Status = Literal["measured", "inferred", "unseen"]
-Shape = Literal["circle", "ellipse", "rectangle", "square", "parallelogram", "polygon", "mesh"]
 Level = Literal["good", "doubtful", "failed"]
 
 
@@ -94,14 +94,14 @@ class Edge(Part):
 class Alternative(Part):
     """Another shape that was weighed, with its posterior weight."""
 
-    shape: Shape
+    shape: ShapeName
     score: Number
 
 
 class TableSurface(Part):
     """The top of the table; ``beside`` is the outline of what touches it and is no part of it."""
 
-    shape: Shape
+    shape: ShapeName
     pose: SurfacePose
     height: Figure
     thickness: Figure | None
@@ -132,7 +132,7 @@ class TableSurface(Part):
 class TableLeg(Part):
     """One leg: ``circle`` (diameter) or ``rectangle`` (length, width)."""
 
-    shape: Literal["circle", "rectangle"]
+    shape: SectionName
     x: Number
     y: Number
     yaw: Number

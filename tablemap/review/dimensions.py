@@ -8,6 +8,7 @@ import shapely
 
 from tablemap.geometry import Floats, Pose2
 from tablemap.model import Figure, TableModel
+from tablemap.model.shapes import shape_named
 from tablemap.review import colours
 from tablemap.review.stream import Stream
 
@@ -90,29 +91,22 @@ def _lowest_corner(model: TableModel, outline: Floats) -> Floats:
 
 
 def _spans(model: TableModel) -> dict[str, Floats]:
-    """Return for each named length of the top its two ends (2, 2) in the map, beside the top."""
-    surface = model.surface
+    """Return for each length of the top its two ends (2, 2) in the map.
+
+    They lie beside a top that has sides, and run through the middle of a round one.
+    """
+    surface, record = model.surface, shape_named(model.surface.shape)
     sizes = {name: figure.value for name, figure in surface.dimensions.items()}
+    extents = record.extents(sizes)
+    if extents is None:
+        return {}
+    angle = sizes.get(record.angle, np.pi / 2) if record.angle else np.pi / 2
+    along = np.array([extents[0] / 2, 0.0])
+    across = np.array([np.cos(angle), np.sin(angle)]) * extents[1] / 2
+    first, second = np.array([-along, along]), np.array([-across, across])
+    if not record.is_round:
+        first = first - across + [0.0, -DIMENSION_OFFSET]
+        second = second + along + np.array([np.sin(angle), -np.cos(angle)]) * DIMENSION_OFFSET
     pose = Pose2(surface.pose.x, surface.pose.y, surface.pose.yaw)
-    local: dict[str, list[list[float]]] = {}
-    if surface.shape in ("rectangle", "square", "parallelogram"):
-        side = sizes.get("side")
-        length, width = sizes.get("length", side), sizes.get("width", side)
-        if length is None or width is None:
-            return {}
-        angle = sizes.get("angle", np.pi / 2)
-        across = np.array([np.cos(angle), np.sin(angle)]) * width / 2
-        along = np.array([length / 2, 0.0])
-        low = np.array([0.0, -DIMENSION_OFFSET])
-        right = np.array([np.sin(angle), -np.cos(angle)]) * DIMENSION_OFFSET
-        first = np.array([-along - across + low, along - across + low])
-        second = np.array([along - across + right, along + across + right])
-        if side is not None:
-            return {"side": pose.apply(first)}
-        return {"length": pose.apply(first), "width": pose.apply(second)}
-    if surface.shape == "circle" and "diameter" in sizes:
-        local["diameter"] = [[-sizes["diameter"] / 2, 0], [sizes["diameter"] / 2, 0]]
-    if surface.shape == "ellipse" and {"major", "minor"} <= sizes.keys():
-        local["major"] = [[-sizes["major"] / 2, 0], [sizes["major"] / 2, 0]]
-        local["minor"] = [[0, -sizes["minor"] / 2], [0, sizes["minor"] / 2]]
-    return {name: pose.apply(np.array(ends)) for name, ends in local.items()}
+    spans = zip(record.lengths, (first, second), strict=False)
+    return {name: pose.apply(ends) for name, ends in spans}

@@ -6,8 +6,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from tablemap.model.shapes import is_angle
+
 MOST_ROWS = 60
-ANGLES = {"angle"}
 
 
 def table(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:
@@ -26,7 +27,7 @@ def metres(value: float, sigma: float | None) -> str:
 
 def figure(name: str, value: float, sigma: float | None) -> str:
     """Write a dimension by its name: an angle in degrees, all else in metres."""
-    if name in ANGLES:
+    if is_angle(name):
         spread = f" ± {np.degrees(sigma):.2f}°" if sigma is not None else ""
         return f"{np.degrees(value):.2f}°{spread}"
     return metres(value, sigma)

@@ -9,6 +9,7 @@ import trimesh
 
 from tablemap.geometry import Floats
 from tablemap.model import TableLeg, TableModel
+from tablemap.model.shapes import shape_named
 from tablemap.review import colours, story
 from tablemap.review.clouds import raised
 from tablemap.review.dimensions import log_dimensions
@@ -97,20 +98,21 @@ def _log_top(
 def _log_leg(stream: Stream, path: str, leg: TableLeg, floor: float, bottom: float) -> None:
     length, middle = bottom - floor, (bottom + floor) / 2
     tint = colours.STATUS[leg.status] if leg.status != "measured" else (150, 116, 78)
-    sizes = {name: figure.value for name, figure in leg.dimensions.items()}
+    record = shape_named(leg.shape)
+    sizes = record.extents({name: figure.value for name, figure in leg.dimensions.items()})
+    along, across = (size / 2 for size in sizes or (LEG_WITHOUT_SIZE, LEG_WITHOUT_SIZE))
     what: rr.Cylinders3D | rr.Boxes3D
-    if leg.shape == "circle":
+    if record.is_elliptic:
         what = rr.Cylinders3D(
             lengths=[length],
-            radii=[sizes.get("diameter", LEG_WITHOUT_SIZE) / 2],
+            radii=[along],
             centers=[(leg.x, leg.y, middle)],
             colors=[tint],
             fill_mode="solid",
         )
     else:
-        along = sizes.get("length", LEG_WITHOUT_SIZE)
         what = rr.Boxes3D(
-            half_sizes=[(along / 2, sizes.get("width", along) / 2, length / 2)],
+            half_sizes=[(along, across, length / 2)],
             centers=[(leg.x, leg.y, middle)],
             rotation_axis_angles=[
                 rr.RotationAxisAngle(axis=(0, 0, 1), angle=rr.Angle(rad=leg.yaw))

@@ -6,6 +6,7 @@ import numpy as np
 import rerun as rr
 
 from tablemap.geometry import Floats
+from tablemap.model.shapes import shape_named
 from tablemap.review import colours, text
 from tablemap.review.clouds import raised
 from tablemap.review.stream import Stream
@@ -54,11 +55,13 @@ def _log_leg(stream: Stream, index: int, leg: Leg, height: float) -> None:
 
 def leg_outline(leg: Leg) -> Floats:
     """Return a leg's closed outline (n, 2) in the map."""
-    if leg.shape == "circle":
+    record = shape_named(leg.shape)
+    sizes = [leg.dimensions[name].value for name in record.lengths]
+    half = np.array([sizes[0], sizes[-1]]) / 2
+    if record.is_elliptic:
         angles = np.linspace(0, 2 * np.pi, 37)
-        radius = leg.dimensions["diameter"].value / 2
-        return np.array([leg.x, leg.y]) + radius * np.column_stack([np.cos(angles), np.sin(angles)])
-    half = np.array([leg.dimensions["length"].value, leg.dimensions["width"].value]) / 2
+        circle = half * np.column_stack([np.cos(angles), np.sin(angles)])
+        return np.asarray(np.array([leg.x, leg.y]) + circle)
     corners = half * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1], [1, 1]])
     c, s = np.cos(leg.yaw), np.sin(leg.yaw)
     return np.asarray(np.array([leg.x, leg.y]) + corners @ np.array([[c, s], [-s, c]]))

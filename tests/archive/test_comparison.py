@@ -53,6 +53,36 @@ def test_a_rectangle_turned_by_almost_half_a_turn_is_nearly_itself() -> None:
     assert named(found, "yaw").difference == pytest.approx(-0.02)
 
 
+@pytest.mark.parametrize(
+    ("shapes", "period"),
+    [
+        (("polygon", "polygon"), math.pi),
+        (("rectangle", "parallelogram"), math.pi),
+        (("rectangle", "square"), math.pi / 2),
+    ],
+)
+def test_yaws_differ_by_less_than_either_shape_can_tell(
+    shapes: tuple[str, str], period: float
+) -> None:
+    """A yaw just above nought and one just below the period are neighbours."""
+    models = [
+        model.model_copy(update={"surface": model.surface.model_copy(update={"shape": shape})})
+        for model, shape in zip(
+            (rectangle_model(yaw=0.01), rectangle_model(yaw=period - 0.01)), shapes, strict=True
+        )
+    ]
+    assert named(compare(*models), "yaw").difference == pytest.approx(-0.02)
+
+
+def test_a_circle_s_yaw_is_not_compared() -> None:
+    """It has none, whatever the other has."""
+    model = rectangle_model()
+    round_ = model.model_copy(
+        update={"surface": model.surface.model_copy(update={"shape": "circle"})}
+    )
+    assert "yaw" not in {each.name for each in compare(model, round_).figures}
+
+
 def test_a_lost_leg_pairs_no_other() -> None:
     """Three pairs of three legs and four."""
     found = compare(rectangle_model(), rectangle_model(legs=3))

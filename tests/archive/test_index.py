@@ -76,6 +76,15 @@ def test_a_damaged_index_is_built_again(runs: Path, text: str) -> None:
     assert json.loads((runs / INDEX).read_text())["schema"] == "tablemap/index/2"
 
 
+def test_an_index_with_a_shape_that_is_none_is_built_again(runs: Path) -> None:
+    """As any other damage."""
+    rows = list_runs(runs)
+    text = (runs / INDEX).read_text()
+    assert text.count('"rectangle"') >= 2
+    (runs / INDEX).write_text(text.replace('"rectangle"', '"blob"'))
+    assert list_runs(runs) == rows
+
+
 def test_damage_is_said_in_the_row(runs: Path) -> None:
     """A manifest or a model that cannot be read hides no run and stops no list."""
     (runs / "kitchen/a/manifest.json").write_text("{")
@@ -126,9 +135,10 @@ def test_runs_are_selected_and_sorted(
         Selection(where=("height<low",)),
         Selection(where=("hight<1",)),
         Selection(sort="hight"),
+        Selection(shape=("rectangel",)),
     ],
 )
 def test_what_cannot_be_read_is_wrong_usage(runs: Path, selection: Selection) -> None:
     """With an example or the nearest name."""
-    with pytest.raises(ConfigError, match=r"2026|height"):
+    with pytest.raises(ConfigError, match=r"2026|height|rectangle"):
         selection.of(list_runs(runs))

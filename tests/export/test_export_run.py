@@ -89,6 +89,16 @@ def test_a_model_that_encloses_nothing_is_refused(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_leg_without_its_size_is_refused(tmp_path: Path) -> None:
+    """In one sentence that says which, and nothing is written."""
+    model = MODELS["rectangle"]
+    first = model.legs[0].model_copy(update={"dimensions": {}})
+    model = model.model_copy(update={"legs": (first, *model.legs[1:])})
+    with pytest.raises(TablemapError, match="leg 1, found no size"):
+        export_model(model, ["glb"], output=tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_an_unknown_format_is_refused_before_anything_is_written(tmp_path: Path) -> None:
     """With the ones that there are."""
     with pytest.raises(ConfigError, match=r"geojson.*'stl'"):

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from tablemap.errors import TablemapError
-from tablemap.model import TableModel
+from tablemap.model import TableModel, json_schema
+from tablemap.model.shapes import SHAPES
 from tests.making.models import rectangle_model
 
 
@@ -51,6 +52,24 @@ def test_unknown_fields_are_ignored() -> None:
     assert TableModel.from_json(json.dumps(document)) == TableModel.from_json(
         rectangle_model().to_json()
     )
+
+
+@pytest.mark.parametrize("where", ["surface", "alternatives", "legs"])
+def test_a_shape_that_is_none_is_refused(where: str) -> None:
+    """With its place in the file and the shapes that there are."""
+    document = json.loads(rectangle_model().to_json())
+    surface = document["surface"]
+    part = {"surface": surface, "alternatives": surface["alternatives"][0]}
+    part.get(where, document["legs"][0])["shape"] = "blob"
+    with pytest.raises(TablemapError, match=rf"{where}.*expected one of circle,.*found 'blob'"):
+        TableModel.from_json(json.dumps(document))
+
+
+def test_the_schema_lists_the_shapes() -> None:
+    """Those of a top, and those of a leg's cross-section."""
+    parts = json_schema()["$defs"]
+    assert parts["TableSurface"]["properties"]["shape"]["enum"] == list(SHAPES)
+    assert parts["TableLeg"]["properties"]["shape"]["enum"] == ["circle", "rectangle"]
 
 
 @pytest.mark.parametrize(

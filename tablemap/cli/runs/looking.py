@@ -80,11 +80,13 @@ def compare(
 
 
 def _comparison_rows(compared: Comparison) -> Iterator[tuple[str, ...]]:
+    from tablemap.model.shapes import is_angle
+
     yield ("", "A", "B", "B - A", "sigma", "sigmas")
     for name, a, b in compared.words:
         yield (name, a, b, "" if a == b else "differs", "", "")
     for row in compared.figures:
-        angle = row.name in ("yaw", "angle")
+        angle = row.name == "yaw" or is_angle(row.name)
         values = [_degrees(x) if angle else metres_text(x) for x in (row.a, row.b)]
         apart = [
             _degrees(x) if angle else "" if x is None else f"{1000 * x:.1f} mm"

@@ -11,6 +11,7 @@ from xml.etree.ElementTree import Element
 
 from tablemap.export.registry import Format
 from tablemap.export.text import ANGLE_DECIMALS, child, number, xml_bytes
+from tablemap.model.shapes import is_angle
 
 if TYPE_CHECKING:
     from tablemap.config import ExportConfig
@@ -87,7 +88,7 @@ def _description(model: TableModel) -> list[str]:
     for name, size in surface.dimensions.items():
         value, sigma, unit = size.value, size.sigma, "mm"
         factor = 1e3
-        if name == "angle":
+        if is_angle(name):
             factor, unit = math.degrees(1), "°"
         spread = "" if sigma is None else f" ± {factor * sigma:.1f}"
         lines.append(f"{name} {factor * value:.1f}{spread} {unit}, {size.status}")

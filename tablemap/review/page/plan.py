@@ -10,6 +10,7 @@ import numpy as np
 
 from tablemap.geometry import Floats, Pose2
 from tablemap.model import Figure, TableLeg, TableModel
+from tablemap.model.shapes import shape_named
 from tablemap.review.text import from_one_place, numbered
 
 STATUS = {
@@ -108,25 +109,21 @@ def _written(name: str, figure: Figure) -> str:
 
 
 def _labels(model: TableModel, outline: Floats, pixels: Pixels) -> list[str]:
-    """Write the named dimensions where they are."""
-    dimensions = model.surface.dimensions
+    """Write the lengths: in the middle of a round top, else below and to the right of it."""
+    record, dimensions = shape_named(model.surface.shape), model.surface.dimensions
     low, high = pixels(outline).min(axis=0), pixels(outline).max(axis=0)
     middle = (low + high) / 2
-    places = {
-        "length": np.array([middle[0], high[1] + LABEL]),
-        "side": np.array([middle[0], high[1] + LABEL]),
-        "width": np.array([high[0] + LABEL, middle[1]]),
-        "diameter": middle,
-        "major": middle,
-        "minor": middle + np.array([0.0, 1.5 * LABEL]),
-    }
+    if record.is_round:
+        places = [middle, middle + np.array([0.0, 1.5 * LABEL])]
+    else:
+        places = [np.array([middle[0], high[1] + LABEL]), np.array([high[0] + LABEL, middle[1]])]
     parts = []
-    for name, place in places.items():
+    for name, place, turn in zip(record.lengths, places, (0, -90), strict=False):
         if name in dimensions:
             text = _text(
                 place, _written(name, dimensions[name]), STATUS[dimensions[name].status][0]
             )
-            parts.append(_turned(text, place, -90) if name == "width" else text)
+            parts.append(_turned(text, place, turn) if turn and not record.is_round else text)
     return parts
 
 
@@ -157,7 +154,9 @@ def _reach(side: Floats) -> float:
 
 def _leg(leg: TableLeg, number: int, pose: Pose2, pixels: Pixels, scale: float) -> str:
     local = pose.inverse() @ Pose2(leg.x, leg.y, leg.yaw)
-    sizes = {name: figure.value for name, figure in leg.dimensions.items()}
+    record = shape_named(leg.shape)
+    sizes = record.extents({name: figure.value for name, figure in leg.dimensions.items()})
+    half = np.array(sizes or (LEG_WITHOUT_SIZE, LEG_WITHOUT_SIZE)) / 2
     colour, dash = STATUS[leg.status]
     style = (
         f'fill="#8a6a48" fill-opacity="0.5" stroke="{colour}" stroke-width="1.5" '
@@ -167,16 +166,13 @@ def _leg(leg: TableLeg, number: int, pose: Pose2, pixels: Pixels, scale: float) 
     title = f"<title>leg {number}: {leg.shape}, {leg.status}</title>"
     inward = pixels(np.zeros(2)) - centre
     away = inward / max(float(np.linalg.norm(inward)), 1e-9)
-    reach = scale * max(sizes.values(), default=LEG_WITHOUT_SIZE) / 2
+    reach = scale * float(half.max())
     name = _text(centre + (reach + LABEL) * away, str(number), NUMBER)
-    if leg.shape == "circle":
-        radius = sizes.get("diameter", LEG_WITHOUT_SIZE) / 2 * scale
+    if record.is_elliptic:
         return (
-            f'<circle cx="{centre[0]:.1f}" cy="{centre[1]:.1f}" r="{radius:.1f}" {style}>'
+            f'<circle cx="{centre[0]:.1f}" cy="{centre[1]:.1f}" r="{scale * half[0]:.1f}" {style}>'
             f"{title}</circle>{name}"
         )
-    along = sizes.get("length", LEG_WITHOUT_SIZE)
-    half = np.array([along, sizes.get("width", along)]) / 2
     corners = local.apply(half * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]))
     return f'<polygon points="{_points(pixels(corners))}" {style}>{title}</polygon>{name}'
 

@@ -9,13 +9,14 @@ import shapely
 from shapely.geometry import Point, Polygon
 
 from tablemap.geometry import Floats
+from tablemap.model.shapes import ShapeRecord, shape_named
 from tablemap.stages.surface import Surface
 
 _CARRY = 3  # legs that a part stands on, unless one is in its middle
 _ACROSS = 0.04  # metres from a leg's mirror image to its partner
 _SYMMETRY = 0.03  # metres, partners are this near to where symmetry puts them
+_SETS = (4, 3, 2)  # so many legs a turn may carry onto each other
 _BEYOND = 0.02  # metres outside the outline that errors of top and place explain
-_MIRRORED = ("rectangle", "square", "ellipse", "polygon", "mesh")
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +25,11 @@ class Frame:
 
     surface: Surface
     polygon: Polygon
+
+    @property
+    def record(self) -> ShapeRecord:
+        """What is known of the top's shape."""
+        return shape_named(self.surface.shape)
 
     def local(self, places: Floats) -> Floats:
         """Map (n, 2) places to the top's frame."""
@@ -60,9 +66,9 @@ class Frame:
     def near_corner(self, place: Floats) -> bool:
         """Say whether a place lies in a corner's quarter, or near the rim of a round top."""
         u, v = np.abs(self.local(place[None])[0]) / self.half
-        if self.surface.shape in ("circle", "ellipse"):
+        if self.record.is_round:
             return bool(np.hypot(u, v) > 0.4)
-        if self.surface.shape in ("rectangle", "square", "parallelogram"):
+        if self.record.is_quadrilateral:
             return bool(u > 0.5 and v > 0.4)
         corners = np.asarray(self.polygon.simplify(0.02).exterior.coords)
         return bool(np.linalg.norm(corners - place, axis=1).min() < 0.35)
@@ -133,29 +139,35 @@ def table_sets(
 
 def _orbits(frame: Frame, local: Floats) -> list[Floats]:
     """Return, for every place, where its partners should be (itself first)."""
-    shape = frame.surface.shape
+    turns = _turns(frame.record)
     orbits: list[Floats] = []
     for u, v in local:
-        if shape in _MIRRORED:
+        if frame.record.is_mirrored and frame.record.yaw_period:
             if abs(u) < 0.03 or abs(v) < 0.03:
                 orbits.append(np.array([[u, v], [-u, -v]]))
             else:
                 orbits.append(np.array([[u, v], [-u, v], [-u, -v], [u, -v]]))
-        if shape in ("circle", "square", "parallelogram"):
-            for count in (4, 3, 2) if shape == "circle" else (4, 2):
-                if shape == "parallelogram" and count == 4:
-                    continue
-                turns = 2 * np.pi * np.arange(count) / count
-                c, s = np.cos(turns), np.sin(turns)
-                orbits.append(np.column_stack([c * u - s * v, s * u + c * v]))
-    if shape == "parallelogram":
-        orbits += _skewed_orbits(frame, local)
-    return orbits
+        for count in turns:
+            angles = 2 * np.pi * np.arange(count) / count
+            c, s = np.cos(angles), np.sin(angles)
+            orbits.append(np.column_stack([c * u - s * v, s * u + c * v]))
+    return [*orbits, *_skewed_orbits(frame, local)]
+
+
+def _turns(record: ShapeRecord) -> tuple[int, ...]:
+    """Return how many legs make up a set that a turn carries onto itself and no mirror does."""
+    if record.symmetry == 0:
+        return _SETS
+    if record.symmetry is None or (record.is_mirrored and record.symmetry == np.pi):
+        return ()
+    fold = round(2 * np.pi / record.symmetry)
+    return tuple(count for count in _SETS if fold % count == 0)
 
 
 def _skewed_orbits(frame: Frame, local: Floats) -> list[Floats]:
-    """Return the partners along a parallelogram's own, oblique sides."""
-    angle = frame.surface.dimensions.get("angle")
+    """Return the partners along the sides of a top whose angle is no right one."""
+    name = frame.record.angle
+    angle = frame.surface.dimensions.get(name) if name else None
     if angle is None or not 0.1 < angle.value < np.pi - 0.1:
         return []
     axes = np.array([[1.0, np.cos(angle.value)], [0.0, np.sin(angle.value)]])

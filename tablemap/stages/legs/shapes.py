@@ -21,7 +21,6 @@ from tablemap.stages.surface import Figure
 _YAW_SIGMA = np.radians(2.0)
 _ELONGATED = 1.25
 _RARE = 6.0
-_ROUND = ("circle", "ellipse")
 _TELLING = 30  # residuals that tell their own spread
 _LEAST = 0.2  # of an assumed sigma: residuals that are all alike do not make it nought
 
@@ -153,7 +152,7 @@ def _best(
             start = _ordered(start)
         sigma = np.array([np.sqrt(c.fits[kind].covariance[0, -1, -1]) for c in group])
         yaw = None
-        if kind != "circle" and frame.surface.shape not in _ROUND:
+        if kind != "circle" and not frame.record.is_round:
             axis = frame.surface.pose.yaw
             off = np.abs(wrap_angles(start[:, -1] - axis, np.pi / 2))
             if (off < 3.0 * np.hypot(sigma, _YAW_SIGMA)).all():

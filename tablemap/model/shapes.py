@@ -1,0 +1,178 @@
+"""What a shape is: one record each, read by whatever asks about a shape by its name.
+
+A new shape is its record here and its fit in `tablemap.stages.surface.shapes`; to be simulated, its
+outline in `tablemap.simulation.shapes` too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from tablemap.errors import TablemapError
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShapeRecord:
+    """One shape, as ``table.json`` has it.
+
+    name: its name in every file.
+    adjective: what a thing of this shape is, for people.
+    lengths: names of its lengths, metres, the longest first. The first runs along x of the
+        shape's own frame, the second across. Empty: its outline alone says how large it is.
+    angle: name of the angle from the first length to the second, radians, counter-clockwise. None:
+        it is a right one.
+    symmetry: the least turn that brings the shape onto itself, radians. 0: every turn does. None:
+        that depends on its outline.
+    is_mirrored: whether mirroring at the axes of its own frame brings it onto itself. A shape that
+        only its outline tells is taken for one.
+    corners: how many corners it has. 0: its outline is a curve. None: that depends on its outline.
+    is_elliptic: whether its lengths are the axes of an ellipse; a circle has one.
+    broken_symmetries: how many it gives up of equal lengths and right angles.
+    is_section: whether a leg's cross-section is called by its name.
+    """
+
+    name: str
+    adjective: str
+    lengths: tuple[str, ...] = ()
+    angle: str | None = None
+    symmetry: float | None = None
+    is_mirrored: bool = True
+    corners: int | None = None
+    is_elliptic: bool = False
+    broken_symmetries: int = 2
+    is_section: bool = False
+
+    @property
+    def yaw_period(self) -> float:
+        """The yaw is in [0, period), radians; 0: it is always 0.
+
+        Where only the outline tells the symmetry, the yaw is an axis: its longest side's.
+        """
+        return math.pi if self.symmetry is None else self.symmetry
+
+    @property
+    def is_box(self) -> bool:
+        """Whether its lengths are the sides of a rectangle; a square has one."""
+        return self.corners == 4 and self.angle is None
+
+    @property
+    def is_round(self) -> bool:
+        """Whether its outline is a curve."""
+        return self.corners == 0
+
+    @property
+    def is_quadrilateral(self) -> bool:
+        """Whether it has four corners."""
+        return self.corners == 4
+
+    def extents(self, sizes: Mapping[str, float]) -> tuple[float, float] | None:
+        """Return its first and its last length, metres; None where ``sizes`` lack one."""
+        if not self.lengths or not set(self.lengths) <= sizes.keys():
+            return None
+        return sizes[self.lengths[0]], sizes[self.lengths[-1]]
+
+
+CIRCLE = ShapeRecord(
+    name="circle",
+    adjective="round",
+    lengths=("diameter",),
+    symmetry=0.0,
+    corners=0,
+    is_elliptic=True,
+    broken_symmetries=0,
+    is_section=True,
+)
+ELLIPSE = ShapeRecord(
+    name="ellipse",
+    adjective="elliptical",
+    lengths=("major", "minor"),
+    symmetry=math.pi,
+    corners=0,
+    is_elliptic=True,
+    broken_symmetries=1,
+)
+RECTANGLE = ShapeRecord(
+    name="rectangle",
+    adjective="rectangular",
+    lengths=("length", "width"),
+    symmetry=math.pi,
+    corners=4,
+    broken_symmetries=1,
+    is_section=True,
+)
+SQUARE = ShapeRecord(
+    name="square",
+    adjective="square",
+    lengths=("side",),
+    symmetry=math.pi / 2,
+    corners=4,
+    broken_symmetries=0,
+)
+PARALLELOGRAM = ShapeRecord(
+    name="parallelogram",
+    adjective="slanted",
+    lengths=("length", "width"),
+    angle="angle",
+    symmetry=math.pi,
+    is_mirrored=False,
+    corners=4,
+)
+POLYGON = ShapeRecord(name="polygon", adjective="angular")
+MESH = ShapeRecord(name="mesh", adjective="irregular")
+"""The hull of what was seen: no primitive fits."""
+
+SHAPES: dict[str, ShapeRecord] = {
+    record.name: record
+    for record in (CIRCLE, ELLIPSE, RECTANGLE, SQUARE, PARALLELOGRAM, POLYGON, MESH)
+}
+"""Every shape by its name, in the order in which they are listed."""
+
+
+def shape_named(name: str) -> ShapeRecord:
+    """Return the shape of a name. Raises `TablemapError` where there is none."""
+    if name not in SHAPES:
+        raise TablemapError(f"expected a shape ({', '.join(SHAPES)}), found {name!r}.")
+    return SHAPES[name]
+
+
+def is_angle(name: str) -> bool:
+    """Say whether a dimension of this name is an angle; all others are lengths."""
+    return any(name == record.angle for record in SHAPES.values())
+
+
+class NameOf:
+    """Holds a field of a document to the names of the shapes that are ``meant``."""
+
+    def __init__(self, meant: Callable[[ShapeRecord], bool]) -> None:
+        self._meant = meant
+
+    def __get_pydantic_core_schema__(
+        self, source: type[str], handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_after_validator_function(self._checked, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, object]:
+        return {"enum": self._names(), "type": "string"}
+
+    def _names(self) -> list[str]:
+        return [record.name for record in SHAPES.values() if self._meant(record)]
+
+    def _checked(self, name: str) -> str:
+        if name not in self._names():
+            known = {"known": ", ".join(self._names()), "name": name}
+            raise PydanticCustomError("shape", "expected one of {known}; found '{name}'", known)
+        return name
+
+
+ShapeName = Annotated[str, NameOf(lambda record: True)]
+"""The name of any shape."""
+SectionName = Annotated[str, NameOf(lambda record: record.is_section)]
+"""The name of a leg's cross-section."""
