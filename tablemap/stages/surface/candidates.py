@@ -9,6 +9,7 @@ import shapely
 
 from tablemap.config import SurfaceConfig
 from tablemap.geometry import Floats
+from tablemap.model.shapes import MESH
 from tablemap.stages.surface.choice import (
     Criterion,
     assumed_noise,
@@ -27,11 +28,13 @@ from tablemap.stages.surface.joint import (
 )
 from tablemap.stages.surface.polygons import polygons
 from tablemap.stages.surface.residuals import Noise, State
-from tablemap.stages.surface.shapes.curved import Circle, RoundedRectangle
+from tablemap.stages.surface.shapes.curved import Circle
+from tablemap.stages.surface.shapes.registry import PRIMITIVES
 from tablemap.stages.surface.shapes.shape import Shape, area
-from tablemap.stages.surface.shapes.straight import Parallelogram, Polygon, Rectangle, Sided, Square
+from tablemap.stages.surface.shapes.sides import UNSEEN
+from tablemap.stages.surface.shapes.straight import Parallelogram, Polygon, Rectangle, Sided
 from tablemap.stages.surface.starts import generators
-from tablemap.stages.surface.status import UNSEEN, dimension_statuses, hold_unseen, sights, statuses
+from tablemap.stages.surface.status import hold_unseen, own_statuses, sights
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +54,7 @@ class Candidate:
     @property
     def name(self) -> str:
         """The shape's name in the model."""
-        return "mesh" if self.is_hull else self.fit.shape.name
+        return (MESH if self.is_hull else self.fit.shape.record).name
 
 
 def fit_candidates(
@@ -64,7 +67,7 @@ def fit_candidates(
     coarse = evidence.thinned(config.points_coarse)
     assumed = assumed_noise(evidence, config)
 
-    def best(starts: list[Shape], gates: tuple[float, ...] = (*wide, *narrow)) -> list[JointFit]:
+    def best(starts: list[Shape], gates: tuple[float, ...]) -> list[JointFit]:
         """Try all starts on few points, and fit the best of them to all."""
         fits = [
             _settle(unfitted(shape, coarse), coarse, config, gates, assumed_noise(coarse, config))
@@ -77,18 +80,16 @@ def fit_candidates(
         return [_settle(first.state, evidence, config, narrow, assumed)]
 
     starts = generators(evidence, config, random)
-    fits = {kind: best(starts[kind]) for kind in ("circle", "ellipse", "rectangle")}
-    for box in fits["rectangle"]:
-        x, y, yaw, length, width = box.shape.parameters
-        side = float(np.sqrt(length * width))
-        upright = Parallelogram(np.array([x, y, yaw, length, width, np.pi / 2]))
-        fits["square"] = best([Square(np.array([x, y, yaw, side]))], (wide[1], *narrow))
-        fits["parallelogram"] = best([upright, *starts["parallelogram"]])
-        rounded: list[Shape] = [
-            RoundedRectangle(np.array([x, y, yaw, length, width, radius]))
-            for radius in (0.03, 0.25 * width)
+    fits: dict[type[Shape], list[JointFit]] = {}
+    for kind in PRIMITIVES:
+        inside = [
+            start
+            for box in fits.get(Rectangle, [])
+            for start in kind.starts_in(box.shape.parameters)
         ]
-        fits["rounded"] = best(rounded, (wide[1], *narrow))
+        # What starts from a fitted rectangle alone is near its place.
+        gates = (*wide, *narrow) if kind in starts else (wide[1], *narrow)
+        fits[kind] = best([*inside, *starts.get(kind, [])], gates)
     simple = [fit for found in fits.values() for fit in found]
     # The nuisances of a simple shape that fits help the polygons to their places.
     placed = min(simple, key=_raw_cost, default=None)
@@ -97,13 +98,13 @@ def fit_candidates(
     else:
         nuisances = unfitted(_ANY_SHAPE, evidence)
         points, normals = evidence.points, evidence.normals
-    fits["polygon"] = [
+    polygonal = [
         _settle(replace(nuisances, shape=shape), evidence, config, (wide[1], *narrow), assumed)
         for shape in _promising(
             polygons(points, normals, evidence, config), coarse, nuisances, config, wide[1]
         )
     ]
-    return _weighed(list(fits.values()), evidence, config, assumed)
+    return _weighed([*fits.values(), polygonal], evidence, config, assumed)
 
 
 def _weighed(
@@ -258,27 +259,13 @@ def _candidate(
 
 
 def _is_supported(candidate: Candidate, config: SurfaceConfig) -> bool:
-    """Say whether the evidence can speak for this shape at all.
-
-    A square needs both its sizes; a free polygon, all its sides; a rounded corner, a radius beyond
-    what a pixel makes of a sharp one, by three sigmas.
-    """
+    """Say whether the evidence can speak for this shape at all."""
     fit = candidate.fit
-    shape = fit.shape
-    if not shape.is_plausible() or not np.isfinite(fit.data_cost):
+    if not fit.shape.is_plausible() or not np.isfinite(fit.data_cost):
         return False
-    if isinstance(shape, Square):
-        as_rectangle = Rectangle(np.insert(shape.parameters, 4, shape.parameters[3]))
-        seen = sights(fit)
-        status = statuses(as_rectangle, seen, config)
-        return UNSEEN not in dimension_statuses(as_rectangle, seen, status).values()
-    if isinstance(shape, Polygon):
-        # Nothing says where a free side runs that was not seen.
-        return UNSEEN not in statuses(shape, sights(fit), config)
-    if isinstance(shape, RoundedRectangle):
-        least = config.corner_resolution + 3 * np.sqrt(candidate.spread.covariance[5, 5])
-        return bool(shape.parameters[5] > least)
-    return True
+    if fit.shape.needs_all_sides and UNSEEN in own_statuses(sights(fit), config):
+        return False
+    return fit.shape.is_told(candidate.spread.covariance, config)
 
 
 def _hull_candidate(

@@ -15,9 +15,6 @@ from tablemap.stages.surface.shapes.shape import centroid, signed_distance
 
 _MOST_LAGS = 40
 
-BROKEN_SYMMETRIES = {"circle": 0, "square": 0, "ellipse": 1, "rectangle": 1}
-"""How many of equal axes and right angles a shape gives up; the others both."""
-
 
 def assumed_noise(evidence: Evidence, config: SurfaceConfig) -> Noise:
     """What is assumed of the scatter before there is a fit to look at."""
@@ -100,12 +97,11 @@ class Criterion:
 def criterion(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> Criterion:
     """Weigh how a shape fits against what it takes to do so."""
     effective = max(len(fit.distance) / fit.noise.kappa, 2.0)
-    broken = BROKEN_SYMMETRIES.get(fit.shape.name, 2)
     return Criterion(
         misfit=fit.data_cost / fit.noise.kappa + fit.prior_cost,
         penalty=len(fit.shape.parameters) * float(np.log(effective))
         + config.cell_cost * contradicting_cells(fit.shape.outline(), evidence, config)
-        + config.symmetry_cost * broken,
+        + config.symmetry_cost * fit.shape.record.broken_symmetries,
     )
 
 

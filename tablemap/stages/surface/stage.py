@@ -19,16 +19,9 @@ from tablemap.stages.surface.joint import JointFit, corrected_poses
 from tablemap.stages.surface.result import Figure, Primitive, Surface, SurfaceEdge
 from tablemap.stages.surface.scale import ScaleBelief, scale_warning, settle_scale
 from tablemap.stages.surface.shapes.shape import Shape, signed_distance
+from tablemap.stages.surface.shapes.sides import INFERRED, MEASURED, UNSEEN
 from tablemap.stages.surface.shapes.straight import Sided
-from tablemap.stages.surface.status import (
-    INFERRED,
-    MEASURED,
-    UNSEEN,
-    Sight,
-    dimension_statuses,
-    sights,
-    statuses,
-)
+from tablemap.stages.surface.status import own_statuses, sights
 
 
 def fit_surface(
@@ -131,7 +124,7 @@ def _primitive(
 
 def _pose(shape: Shape, evidence: Evidence) -> Pose2:
     x, y, yaw = shape.describe()[0]
-    period = shape.symmetry
+    period = shape.record.yaw_period
     yaw = yaw % period if period else 0.0
     return Pose2(float(x + evidence.origin[0]), float(y + evidence.origin[1]), float(yaw))
 
@@ -141,12 +134,13 @@ def _figures(
 ) -> tuple[dict[str, Figure], Figure | None]:
     if candidate.is_hull:
         return {}, None
-    fit = candidate.fit
+    fit, record = candidate.fit, candidate.fit.shape.record
     _, values = fit.shape.describe()
     if not values:
         return {}, None
     seen = sights(fit)
-    status = dimension_statuses(fit.shape, seen, statuses(fit.shape, seen, config))
+    sides = fit.shape.side_statuses(own_statuses(seen, config))
+    status = fit.shape.dimension_statuses(seen, sides)
     jacobian = _derivative(fit.shape)[3:]
     variance = np.einsum("ij,jk,ik->i", jacobian, candidate.spread.covariance, jacobian)
     unbounded = _unbounded(fit)
@@ -154,8 +148,8 @@ def _figures(
     figures = {}
     for index, (name, value) in enumerate(values.items()):
         extra = systematic
-        if name == "angle":
-            extra = systematic / min(values["length"], values["width"])
+        if name == record.angle:
+            extra = systematic / min(values[length] for length in record.lengths)
         sigma = float(np.hypot(np.sqrt(max(variance[index], 0.0)), extra))
         # Where nothing bounds a side from outside, no covariance stands behind its figure.
         is_open = status[name] == UNSEEN and (unbounded or sigma > value)
@@ -207,8 +201,8 @@ def _edges(
     candidate: Candidate, evidence: Evidence, config: SurfaceConfig
 ) -> tuple[SurfaceEdge, ...]:
     fit = candidate.fit
-    seen: tuple[Sight, ...] = sights(fit)
-    status = statuses(fit.shape, seen, config)
+    seen = sights(fit)
+    status = fit.shape.side_statuses(own_statuses(seen, config))
     unbounded = {anchor.side for anchor in fit.anchors if not anchor.is_bounded}
     systematic = config.dimension_systematic
     edges = []

@@ -192,8 +192,8 @@ def _sample(evidence: Evidence) -> tuple[Floats, Floats]:
 
 def generators(
     evidence: Evidence, config: SurfaceConfig, random: np.random.Generator
-) -> dict[str, list[Shape]]:
-    """Return the starts of the simple shapes, by the kind that they start."""
+) -> dict[type[Shape], list[Shape]]:
+    """Return the starts that the points themselves give, by the fit that they start."""
     found = circles(evidence, config, random)
     boxes = rectangles(evidence)
     slanted = parallelograms(evidence, config, random)
@@ -202,8 +202,8 @@ def generators(
         upright = width * np.sin(corner)
         boxes.append(Rectangle(np.array([x, y, yaw, length, upright])).normalised())
     return {
-        "circle": list(found),
-        "ellipse": list(ellipses(boxes, found)),
-        "rectangle": list(boxes),
-        "parallelogram": list(slanted),
+        Circle: list(found),
+        Ellipse: list(ellipses(boxes, found)),
+        Rectangle: list(boxes),
+        Parallelogram: list(slanted),
     }

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -11,22 +9,12 @@ from tablemap.config import SurfaceConfig
 from tablemap.geometry import Floats
 from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.joint import Anchor, JointFit
-from tablemap.stages.surface.shapes.curved import Circle, Ellipse, RoundedRectangle
-from tablemap.stages.surface.shapes.shape import Shape
-from tablemap.stages.surface.shapes.straight import Parallelogram, Rectangle, Sided, Square
+from tablemap.stages.surface.shapes.sides import INFERRED, MEASURED, UNSEEN, Sight
+from tablemap.stages.surface.shapes.straight import Sided
 
-MEASURED, INFERRED, UNSEEN = "measured", "inferred", "unseen"
 _STEP = 0.01  # metres between the samples of a side that are seen or not
 _REACH = 0.015  # metres from a sample to an edge point that shows it
 _BOTH_ENDS = 2 / 3  # seen over less of its length, a side was seen at one end
-
-
-@dataclass(frozen=True)
-class Sight:
-    """How much of a side was seen: the fraction, and the spread from its first to its last part."""
-
-    fraction: float
-    spread: float
 
 
 def sights(fit: JointFit) -> tuple[Sight, ...]:
@@ -54,8 +42,8 @@ def _sampled(piece: Floats) -> Floats:
     return np.stack([np.interp(at, along, piece[:, 0]), np.interp(at, along, piece[:, 1])], axis=1)
 
 
-def statuses(shape: Shape, seen: tuple[Sight, ...], config: SurfaceConfig) -> tuple[str, ...]:
-    """Say of each side whether it was measured, is inferred or unseen."""
+def own_statuses(seen: tuple[Sight, ...], config: SurfaceConfig) -> tuple[str, ...]:
+    """Say of each side whether it was measured, is inferred or unseen, whatever the others are."""
     own = []
     for sight in seen:
         if sight.fraction >= config.measured_fraction and sight.spread >= _BOTH_ENDS:
@@ -64,48 +52,7 @@ def statuses(shape: Shape, seen: tuple[Sight, ...], config: SurfaceConfig) -> tu
             own.append(INFERRED)
         else:
             own.append(UNSEEN)
-    if isinstance(shape, Circle | Ellipse):
-        # An arc that was not seen follows from the others.
-        return tuple(INFERRED if status == UNSEEN else status for status in own)
-    if isinstance(shape, RoundedRectangle):
-        corners = [INFERRED if status == UNSEEN else status for status in own[1::2]]
-        return tuple(corners[i // 2] if i % 2 else status for i, status in enumerate(own))
-    if isinstance(shape, Square) and _worst(own[0], own[2]) != _worst(own[1], own[3]):
-        # One pair of sides says what the other, equal to it, did not show.
-        return tuple(INFERRED if status == UNSEEN else status for status in own)
     return tuple(own)
-
-
-def dimension_statuses(
-    shape: Shape, seen: tuple[Sight, ...], status: tuple[str, ...]
-) -> dict[str, str]:
-    """Say of each dimension what its sides allow: measured needs both opposite ones."""
-    if isinstance(shape, Circle | Ellipse):
-        total = float(np.mean([sight.fraction for sight in seen]))
-        gap = _longest_gap([sight.fraction > 0.2 for sight in seen])
-        most = 4 if isinstance(shape, Circle) else 3
-        result = MEASURED if total >= 0.4 and gap <= most else INFERRED
-        return dict.fromkeys(shape.describe()[1], result)
-    if isinstance(shape, RoundedRectangle):
-        bends = [sight.fraction >= 0.3 for sight in seen[1::2]]
-        return {
-            "length": _worst(status[0], status[4]),
-            "width": _worst(status[2], status[6]),
-            "corner_radius": MEASURED if sum(bends) >= 2 else INFERRED,
-        }
-    if isinstance(shape, Square):
-        pairs = {_worst(status[0], status[2]), _worst(status[1], status[3])}
-        return {"side": MEASURED if MEASURED in pairs else _worst(*pairs, INFERRED)}
-    if isinstance(shape, Rectangle | Parallelogram):
-        result_by_name = {
-            "length": _worst(status[0], status[2]),
-            "width": _worst(status[1], status[3]),
-        }
-        if isinstance(shape, Parallelogram):
-            has = [MEASURED in (status[k], status[k + 2]) for k in (0, 1)]
-            result_by_name["angle"] = MEASURED if all(has) else INFERRED
-        return result_by_name
-    return {}
 
 
 def hold_unseen(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> tuple[Anchor, ...]:
@@ -151,19 +98,3 @@ def _within(points: Floats, piece: Floats, along: Floats, margin: float) -> Floa
     inset = margin * (high - low)
     at = points @ along
     return points[(at > low + inset) & (at < high - inset)]
-
-
-def _worst(*status: str) -> str:
-    order = (UNSEEN, INFERRED, MEASURED)
-    return min(status, key=order.index)
-
-
-def _longest_gap(seen: list[bool]) -> int:
-    """Return the longest run of unseen neighbours on a ring."""
-    if not any(seen):
-        return len(seen)
-    longest = run = 0
-    for value in seen + seen:
-        run = 0 if value else run + 1
-        longest = max(longest, run)
-    return min(longest, len(seen))

@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from typing_extensions import override
 
+from tablemap.config import SurfaceConfig
 from tablemap.geometry import Floats, Ints
+from tablemap.model.shapes import CIRCLE, ELLIPSE, RECTANGLE
 from tablemap.stages.surface.shapes.shape import Measure, Shape, unit
+from tablemap.stages.surface.shapes.sides import (
+    INFERRED,
+    MEASURED,
+    Sight,
+    inferred_at_least,
+    longest_gap,
+    worst,
+)
 from tablemap.stages.surface.shapes.straight import Rectangle
 
 CIRCLE_POINTS = 72
@@ -17,18 +27,32 @@ ARCS = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Circle(Shape):
+class Round(Shape):
+    """A curve of `ARCS` arcs, each of which follows from the others."""
+
+    longest_gap: ClassVar[int]
+    """Unseen neighbours among the arcs that leave a figure measured."""
+
+    @override
+    def side_statuses(self, own: tuple[str, ...]) -> tuple[str, ...]:
+        return inferred_at_least(own)
+
+    @override
+    def dimension_statuses(
+        self, seen: tuple[Sight, ...], status: tuple[str, ...]
+    ) -> dict[str, str]:
+        total = float(np.mean([sight.fraction for sight in seen]))
+        gap = longest_gap([sight.fraction > 0.2 for sight in seen])
+        result = MEASURED if total >= 0.4 and gap <= self.longest_gap else INFERRED
+        return dict.fromkeys(self.record.lengths, result)
+
+
+@dataclass(frozen=True, eq=False)
+class Circle(Round):
     """x, y, radius."""
 
-    @property
-    @override
-    def name(self) -> str:
-        return "circle"
-
-    @property
-    @override
-    def symmetry(self) -> float:
-        return 0.0
+    record = CIRCLE
+    longest_gap = 4
 
     @override
     def measure(self, points: Floats, normals: Floats) -> Measure:
@@ -75,16 +99,14 @@ def _arcs(outline: Floats) -> tuple[Floats, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class Ellipse(Shape):
+class Ellipse(Round):
     """x, y and the symmetric matrix (xx, xy, yy) that maps the unit circle onto the ellipse.
 
     Unlike axes and yaw, the matrix has no singularity where the ellipse becomes a circle.
     """
 
-    @property
-    @override
-    def name(self) -> str:
-        return "ellipse"
+    record = ELLIPSE
+    longest_gap = 3
 
     @staticmethod
     def of_axes(x: float, y: float, yaw: float, a: float, b: float) -> Ellipse:
@@ -157,10 +179,12 @@ class Ellipse(Shape):
 class RoundedRectangle(Shape):
     """x, y, yaw, length, width, corner radius."""
 
-    @property
+    record = RECTANGLE
+
+    @classmethod
     @override
-    def name(self) -> str:
-        return "rectangle"
+    def starts_in(cls, rectangle: Floats) -> tuple[Shape, ...]:
+        return tuple(cls(np.append(rectangle, radius)) for radius in (0.03, 0.25 * rectangle[4]))
 
     def _sharp(self) -> Rectangle:
         return Rectangle(self.parameters[:5])
@@ -240,3 +264,25 @@ class RoundedRectangle(Shape):
     def normalised(self) -> Self:
         sharp = self._sharp().normalised().parameters
         return self.at(np.append(sharp, self.parameters[5]))
+
+    @override
+    def is_told(self, covariance: Floats, config: SurfaceConfig) -> bool:
+        # A pixel makes a small radius of a sharp corner.
+        least = config.corner_resolution + 3 * np.sqrt(covariance[5, 5])
+        return bool(self.parameters[5] > least)
+
+    @override
+    def side_statuses(self, own: tuple[str, ...]) -> tuple[str, ...]:
+        bends = inferred_at_least(own[1::2])
+        return tuple(bends[i // 2] if i % 2 else status for i, status in enumerate(own))
+
+    @override
+    def dimension_statuses(
+        self, seen: tuple[Sight, ...], status: tuple[str, ...]
+    ) -> dict[str, str]:
+        bends = [sight.fraction >= 0.3 for sight in seen[1::2]]
+        return {
+            "length": worst(status[0], status[4]),
+            "width": worst(status[2], status[6]),
+            "corner_radius": MEASURED if sum(bends) >= 2 else INFERRED,
+        }

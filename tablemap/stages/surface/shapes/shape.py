@@ -8,13 +8,16 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from tablemap.config import SurfaceConfig
 from tablemap.geometry import Floats, Ints
+from tablemap.model.shapes import ShapeRecord
+from tablemap.stages.surface.shapes.sides import Sight
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,11 +41,14 @@ class Shape(ABC):
     """A parametric outline; ``parameters`` (k,) metres and radians."""
 
     parameters: Floats
+    record: ClassVar[ShapeRecord]
+    needs_all_sides: ClassVar[bool] = False
+    """Whether nothing speaks for the shape where one of its sides was not seen."""
 
-    @property
-    @abstractmethod
-    def name(self) -> str:
-        """The shape's name in the model."""
+    @classmethod
+    def starts_in(cls, rectangle: Floats) -> tuple[Shape, ...]:
+        """Return starts out of a fitted rectangle's x, y, yaw, length, width; none by default."""
+        return ()
 
     @abstractmethod
     def measure(self, points: Floats, normals: Floats) -> Measure:
@@ -64,11 +70,6 @@ class Shape(ABC):
     def is_plausible(self) -> bool:
         """Say whether the parameters still mean a shape."""
 
-    @property
-    def symmetry(self) -> float:
-        """The turn that maps the shape onto itself; the yaw is reduced by it (0: no yaw)."""
-        return float(np.pi)
-
     def at(self, parameters: Floats) -> Self:
         """Return the same kind of shape with other parameters."""
         return replace(self, parameters=parameters)
@@ -76,6 +77,23 @@ class Shape(ABC):
     def normalised(self) -> Self:
         """Return the same outline with its parameters in the model's convention."""
         return self
+
+    def is_told(self, covariance: Floats, config: SurfaceConfig) -> bool:
+        """Say whether a fit of this ``covariance`` (k, k) tells the shape from a simpler one."""
+        return True
+
+    def side_statuses(self, own: tuple[str, ...]) -> tuple[str, ...]:
+        """Return each side's status out of what it would have by itself, ``own``."""
+        return own
+
+    def dimension_statuses(
+        self, seen: tuple[Sight, ...], status: tuple[str, ...]
+    ) -> dict[str, str]:
+        """Return each dimension's status: measured needs both sides that bound it.
+
+        ``seen`` and ``status`` are the sides', the status as `side_statuses` returns it.
+        """
+        return {}
 
 
 def unit(angle: NDArray[np.floating[Any]]) -> Floats:

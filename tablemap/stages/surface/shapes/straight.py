@@ -10,7 +10,15 @@ import numpy as np
 from typing_extensions import override
 
 from tablemap.geometry import Floats, Ints
+from tablemap.model.shapes import PARALLELOGRAM, POLYGON, RECTANGLE, SQUARE
 from tablemap.stages.surface.shapes.shape import Measure, Shape, area, centroid, perpendicular, unit
+from tablemap.stages.surface.shapes.sides import (
+    INFERRED,
+    MEASURED,
+    Sight,
+    inferred_at_least,
+    worst,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,10 +102,7 @@ class Sided(Shape):
 class Rectangle(Sided):
     """x, y, yaw, length, width."""
 
-    @property
-    @override
-    def name(self) -> str:
-        return "rectangle"
+    record = RECTANGLE
 
     @override
     def lines(self) -> tuple[Floats, Floats, Floats, Floats]:
@@ -128,20 +133,25 @@ class Rectangle(Sided):
             return self
         return self.at(np.array([x, y, yaw + np.pi / 2, width, length]))
 
+    @override
+    def dimension_statuses(
+        self, seen: tuple[Sight, ...], status: tuple[str, ...]
+    ) -> dict[str, str]:
+        return {"length": worst(status[0], status[2]), "width": worst(status[1], status[3])}
+
 
 @dataclass(frozen=True, eq=False)
 class Square(Sided):
     """x, y, yaw, side."""
 
-    @property
-    @override
-    def name(self) -> str:
-        return "square"
+    record = SQUARE
+    needs_all_sides = True
 
-    @property
+    @classmethod
     @override
-    def symmetry(self) -> float:
-        return float(np.pi / 2)
+    def starts_in(cls, rectangle: Floats) -> tuple[Shape, ...]:
+        x, y, yaw, length, width = rectangle
+        return (cls(np.array([x, y, yaw, float(np.sqrt(length * width))])),)
 
     @override
     def lines(self) -> tuple[Floats, Floats, Floats, Floats]:
@@ -155,15 +165,30 @@ class Square(Sided):
     def describe(self) -> tuple[Floats, dict[str, float]]:
         return self.parameters[:3].copy(), {"side": float(self.parameters[3])}
 
+    @override
+    def side_statuses(self, own: tuple[str, ...]) -> tuple[str, ...]:
+        # One pair of sides says what the other, equal to it, did not show.
+        differ = worst(own[0], own[2]) != worst(own[1], own[3])
+        return inferred_at_least(own) if differ else own
+
+    @override
+    def dimension_statuses(
+        self, seen: tuple[Sight, ...], status: tuple[str, ...]
+    ) -> dict[str, str]:
+        pairs = {worst(status[0], status[2]), worst(status[1], status[3])}
+        return {"side": MEASURED if MEASURED in pairs else worst(*pairs, INFERRED)}
+
 
 @dataclass(frozen=True, eq=False)
 class Parallelogram(Sided):
     """x, y, yaw (of the length), length, width, angle from length to width."""
 
-    @property
+    record = PARALLELOGRAM
+
+    @classmethod
     @override
-    def name(self) -> str:
-        return "parallelogram"
+    def starts_in(cls, rectangle: Floats) -> tuple[Shape, ...]:
+        return (cls(np.append(rectangle, np.pi / 2)),)
 
     @override
     def lines(self) -> tuple[Floats, Floats, Floats, Floats]:
@@ -206,6 +231,17 @@ class Parallelogram(Sided):
         # The old width's direction becomes x; from there to the old length reversed is pi - angle.
         return self.at(np.array([x, y, yaw + corner, width, length, np.pi - corner]))
 
+    @override
+    def dimension_statuses(
+        self, seen: tuple[Sight, ...], status: tuple[str, ...]
+    ) -> dict[str, str]:
+        has = [MEASURED in (status[k], status[k + 2]) for k in (0, 1)]
+        return {
+            "length": worst(status[0], status[2]),
+            "width": worst(status[1], status[3]),
+            "angle": MEASURED if all(has) else INFERRED,
+        }
+
 
 @dataclass(frozen=True, eq=False)
 class Rectilinear(Sided):
@@ -217,10 +253,7 @@ class Rectilinear(Sided):
     quarter: Ints
     line: Ints
 
-    @property
-    @override
-    def name(self) -> str:
-        return "polygon"
+    record = POLYGON
 
     @override
     def lines(self) -> tuple[Floats, Floats, Floats, Floats]:
@@ -236,20 +269,13 @@ class Rectilinear(Sided):
     def describe(self) -> tuple[Floats, dict[str, float]]:
         return _polygon_pose(self.corners()), {}
 
-    @property
-    @override
-    def symmetry(self) -> float:
-        return float(np.pi)
-
 
 @dataclass(frozen=True, eq=False)
 class Polygon(Sided):
     """The angles of all S sides' normals, then their offsets."""
 
-    @property
-    @override
-    def name(self) -> str:
-        return "polygon"
+    record = POLYGON
+    needs_all_sides = True  # nothing says where a free side runs that was not seen
 
     @override
     def lines(self) -> tuple[Floats, Floats, Floats, Floats]:
