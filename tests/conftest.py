@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.making.command import tablemap
+from tests.making.rewriting import simulate_plain
 
 # What a shell starts in the background ignores SIGINT, and so would the runs that tests interrupt.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -23,6 +24,12 @@ ROOT = Path(__file__).resolve().parent.parent
 def demo_recording() -> Path:
     """The recording that the project ships."""
     return ROOT / "recordings" / "demo.mcap"
+
+
+@pytest.fixture(scope="session")
+def plain_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A cheap simulated recording with nothing unusual, which tests rewrite."""
+    return simulate_plain(tmp_path_factory.mktemp("plain"))
 
 
 @pytest.fixture(scope="session")

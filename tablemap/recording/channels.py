@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tablemap.recording.decoding import Decoder, DecodingError
+from tablemap.recording.decoding import TRANSFORMS, Decoder, DecodingError
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
 from tablemap.recording.raw import Source
 from tablemap.recording.tf.frames import TransformCollector, TransformTree
-from tablemap.recording.topics import Roles, Topic
+from tablemap.recording.topics import Roles, Topic, decoders_of
 
 Stamps = NDArray[np.int64]
 
@@ -36,27 +36,28 @@ class Channels:
 
     def __init__(self, source: Source, roles: Roles, *, say: Callable[[str, str], None]) -> None:
         self._source, self._roles, self._say = source, roles, say
-        self._decoders = {
-            topic.channel.id: Decoder(topic.channel)
-            for topic in (roles.depth, roles.colour, roles.laser)
-            if topic is not None
-        }
+        self._decoders: dict[int, Decoder] = {}
+        for topic in (roles.depth, roles.colour, roles.laser, *roles.transforms):
+            if topic is not None and topic.count:
+                self._decoders |= self._decoders_of(topic)
         self.depth, self.colour, self.laser, self.tree = self._survey()
 
     def in_order(
         self, topic: Topic, due: Stamped
     ) -> Iterator[Image | CompressedImage | CameraInfo | LaserScan]:
         """Yield a topic's messages of the stamps that are due, decoded, by their stamps."""
-        decoder = self._decoders[topic.channel.id]
+        ids = topic.ids & self._decoders.keys()
         waiting: dict[int, Image | CompressedImage | CameraInfo | LaserScan] = {}
         expected = dict.fromkeys(due.stamps_ns.tolist())
-        for raw in self._source.messages([topic.channel.id], log_times_ns=due.log_times_ns):
+        for raw in self._source.messages(ids, log_times_ns=due.log_times_ns):
             try:
-                message = decoder.decode(raw)
+                message = self._decoders[raw.channel_id].decode(raw)
             except DecodingError as error:
                 self.say_undecoded(topic.name, error)
                 continue
-            if isinstance(message, tuple) or message.stamp_ns not in expected:
+            if isinstance(message, tuple) or message.frame_id != topic.frame_id:
+                continue
+            if message.stamp_ns not in expected:
                 continue
             waiting[message.stamp_ns] = message
             while waiting:
@@ -73,28 +74,48 @@ class Channels:
         """Say once that a message was left out, and why."""
         self._say("recording.damaged", f"A message on {topic} was left out: it {error}.")
 
+    def _decoders_of(self, topic: Topic) -> dict[int, Decoder]:
+        decoders, problem = decoders_of(topic.channels)
+        if topic.first is None or problem is not None:
+            problem = topic.problem or problem or "cannot be read"
+            self.say_undecoded(topic.name, DecodingError(problem))
+        return decoders if topic.first is not None else {}
+
+    def _say_others(self, frames: dict[str, list[str]]) -> None:
+        """Say that some of a topic's messages are in another frame than its first."""
+        for name, others in frames.items():
+            shown = ", ".join(sorted(set(others))[:3])
+            self._say(
+                "recording.topic_choice",
+                f"{len(others)} messages on {name} were left out, for they are in another frame "
+                f"({shown}): two sensors share the topic, and the first is used.",
+            )
+
     def _survey(self) -> tuple[Stamped, Stamped, Stamped, TransformTree]:
         """Read the recording once for all transforms and for the stamps of images and scans."""
-        transforms: dict[int, Decoder] = {}
-        for topic in self._roles.transforms:
-            if topic.first is not None:
-                transforms[topic.channel.id] = Decoder(topic.channel)
-            elif topic.count:
-                self.say_undecoded(topic.name, DecodingError(topic.problem or "cannot be read"))
-        stamped: dict[int, list[tuple[int, int]]] = {id: [] for id in self._decoders}
+        sensors = [t for t in (self._roles.depth, self._roles.colour, self._roles.laser) if t]
+        topic_of = {id: topic for topic in sensors for id in topic.ids}
+        stamped: dict[str, list[tuple[int, int]]] = {}
+        others: dict[str, list[str]] = {}
         collector = TransformCollector()
-        for raw in self._source.messages({*transforms, *stamped}):
+        for raw in self._source.messages(self._decoders):
+            decoder = self._decoders[raw.channel_id]
             try:
-                if raw.channel_id in transforms:
-                    message = transforms[raw.channel_id].decode(raw)
+                if decoder.kind == TRANSFORMS:
+                    message = decoder.decode(raw)
                     assert isinstance(message, tuple)
                     for transform in message:
                         collector.add(transform)
+                    continue
+                topic = topic_of[raw.channel_id]
+                stamp_ns, frame_id = decoder.header(raw)
+                if frame_id == topic.frame_id:
+                    stamped.setdefault(topic.name, []).append((stamp_ns, raw.log_time_ns))
                 else:
-                    decoder = self._decoders[raw.channel_id]
-                    stamped[raw.channel_id].append((decoder.stamp_ns(raw), raw.log_time_ns))
+                    others.setdefault(topic.name, []).append(frame_id)
             except DecodingError as error:
                 self.say_undecoded(self._source.channels[raw.channel_id].topic, error)
+        self._say_others(others)
         tree = collector.tree()
         if collector.rejected:
             self._say(
@@ -102,7 +123,7 @@ class Channels:
                 f"{collector.rejected} transforms were left out, for they are no rigid motions.",
             )
         depth, colour, laser = (
-            _by_stamp(stamped[topic.channel.id] if topic is not None else [])
+            _by_stamp([] if topic is None else stamped.get(topic.name, []))
             for topic in (self._roles.depth, self._roles.colour, self._roles.laser)
         )
         return depth, colour, laser, tree

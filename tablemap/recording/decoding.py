@@ -110,26 +110,26 @@ class Decoder:
         except Exception as error:
             raise DecodingError(f"cannot be decoded ({error})") from error
 
-    def stamp_ns(self, raw: RawMessage) -> int:
-        """Return the header's stamp, without decoding the rest where the layout allows it."""
+    def header(self, raw: RawMessage) -> tuple[int, str]:
+        """Return the header's stamp and frame, without decoding the rest where that can be."""
         if self._peek is not None:
             try:
-                return self._peek(self._unpacked(raw)) or raw.log_time_ns
+                stamp_ns, frame_id = self._peek(self._unpacked(raw))
             except ValueError as error:
                 raise DecodingError(f"cannot be decoded ({error})") from error
             except (struct.error, IndexError) as error:
                 raise DecodingError("is too short for its header") from error
+            return stamp_ns or raw.log_time_ns, frame_id.lstrip("/")
         message = self.decode(raw)
-        if isinstance(message, tuple):
-            return message[0].stamp_ns if message else raw.log_time_ns
-        return message.stamp_ns
+        assert not isinstance(message, tuple)
+        return message.stamp_ns, message.frame_id
 
     def _unpacked(self, raw: RawMessage) -> memoryview:
         return unpacked_message(raw.data) if self._may_be_packed else raw.data
 
 
 Parse = Callable[[memoryview], Any]
-Peek = Callable[[memoryview], int]
+Peek = Callable[[memoryview], tuple[int, str]]
 Parser = tuple[Parse, Peek | None, DirectReader | None]
 
 
@@ -195,15 +195,17 @@ def _types_from_idl(text: str) -> dict[str, Any]:
     return types
 
 
-def _peek_ros1(data: memoryview) -> int:
-    seconds, nanoseconds = struct.unpack_from("<II", data, 4)  # after the sequence number
-    return int(seconds) * 1_000_000_000 + int(nanoseconds)
+def _peek_ros1(data: memoryview) -> tuple[int, str]:
+    seconds, nanoseconds, length = struct.unpack_from("<III", data, 4)  # after the sequence number
+    frame_id = bytes(data[16 : 16 + length]).decode()
+    return int(seconds) * 1_000_000_000 + int(nanoseconds), frame_id
 
 
-def _peek_cdr(data: memoryview) -> int:
+def _peek_cdr(data: memoryview) -> tuple[int, str]:
     order = "<" if data[1] == 1 else ">"
-    seconds, nanoseconds = struct.unpack_from(order + "iI", data, 4)
-    return int(seconds) * 1_000_000_000 + int(nanoseconds)
+    seconds, nanoseconds, length = struct.unpack_from(order + "iII", data, 4)
+    frame_id = bytes(data[16 : 16 + max(length - 1, 0)]).decode()
+    return int(seconds) * 1_000_000_000 + int(nanoseconds), frame_id
 
 
 # From the objects that parsers make to ours. Fields are ROS's or Foxglove's.

@@ -15,7 +15,7 @@ from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.recording.decoding import Decoder, DecodingError, Message
 from tablemap.recording.depth import decode_depth, depth_encoding
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
-from tablemap.recording.raw import Source
+from tablemap.recording.raw import Channel, Source
 from tablemap.recording.rectification import rectification
 from tablemap.recording.sources import open_source
 from tablemap.recording.tf.frame_roles import FrameNames, find_frames
@@ -24,6 +24,7 @@ from tablemap.recording.topics import (
     Roles,
     Topic,
     camera_frame,
+    decoders_of,
     find_roles,
     list_topics,
     missing_roles,
@@ -147,39 +148,45 @@ def inspect(path: Path, *, topics: TopicsConfig | None = None) -> RecordingInfo:
 
 
 def _topic_infos(source: Source, known: Sequence[Topic], roles: Roles) -> tuple[TopicInfo, ...]:
-    by_id = {topic.channel.id: topic for topic in known}
-    role_of = {
-        topic.channel.id: role
-        for role, topic in (
-            ("depth", roles.depth),
-            ("calibration", roles.calibration),
-            ("colour", roles.colour),
-            ("laser", roles.laser),
-            *(("transforms", topic) for topic in roles.transforms),
-        )
-        if topic is not None
-    }
+    roles_of = (
+        ("depth", roles.depth),
+        ("calibration", roles.calibration),
+        ("colour", roles.colour),
+        ("laser", roles.laser),
+        *(("transforms", topic) for topic in roles.transforms),
+    )
     duration = (source.end_ns - source.start_ns) / 1e9
-    infos = []
-    for id, channel in source.channels.items():
-        topic = by_id.get(id)
-        count = source.counts[id]
-        infos.append(
-            TopicInfo(
-                channel.topic,
-                channel.schema_name,
-                channel.message_encoding,
-                role_of.get(id),
-                count,
-                (count - 1) / duration if count > 1 and duration > 0 else None,
-                "" if topic is None else _detail(topic.first),
-                None if topic is None else topic.problem,
-            )
+
+    def info(channel: Channel, count: int, topic: Topic | None) -> TopicInfo:
+        return TopicInfo(
+            channel.topic,
+            channel.schema_name,
+            channel.message_encoding,
+            next((role for role, has in roles_of if has is not None and has is topic), None),
+            count,
+            (count - 1) / duration if count > 1 and duration > 0 else None,
+            "" if topic is None else _detail(topic),
+            None if topic is None else topic.problem,
         )
+
+    read = {id for topic in known for id in topic.ids}
+    infos = [info(topic.channels[0], topic.count, topic) for topic in known]
+    infos += [
+        info(channel, source.counts[id], None)
+        for id, channel in source.channels.items()
+        if id not in read
+    ]
     return tuple(sorted(infos, key=lambda info: info.name))
 
 
-def _detail(message: Message | None) -> str:
+def _detail(topic: Topic) -> str:
+    described = _described(topic.first)
+    if len(topic.channels) > 1:
+        described += f"{', ' if described else ''}on {len(topic.channels)} channels"
+    return described
+
+
+def _described(message: Message | None) -> str:
     """Describe a message in a few words."""
     if isinstance(message, Image):
         return f"{message.width} x {message.height} {message.encoding}, in {message.frame_id}"
@@ -198,8 +205,8 @@ def _sampled_tree(source: Source, roles: Roles) -> tuple[TransformTree, bool]:
     """Read the transforms, of a long recording those of the static topics and of some places."""
     decoders: dict[int, Decoder] = {}
     for topic in roles.transforms:
-        if topic.problem is None:
-            decoders[topic.channel.id] = Decoder(topic.channel)
+        if topic.first is not None:
+            decoders |= decoders_of(topic.channels)[0]
     static = {id for id, decoder in decoders.items() if "static" in decoder.channel.topic}
     collector = TransformCollector()
     sampled = False

@@ -42,18 +42,23 @@ _COLOURS = ("rgb", "bgr", "mono8", "8uc3", "8uc4", "bayer", "yuv", "uyvy", "yuyv
 
 @dataclass(frozen=True, eq=False)
 class Topic:
-    """A channel that processing knows, and its first message (None: it has none that decodes)."""
+    """A topic that processing knows, and its first message (None: it has none that decodes).
 
-    channel: Channel
+    Each publisher, and each version of a schema, has a channel of its own in a recording: all that
+    carry the same kind of message on one topic are read as one.
+    """
+
+    name: str
+    channels: tuple[Channel, ...]
     kind: str
     count: int
     first: Message | None
     problem: str | None = None
 
     @property
-    def name(self) -> str:
-        """The topic's name."""
-        return self.channel.topic
+    def ids(self) -> frozenset[int]:
+        """The channels' numbers."""
+        return frozenset(channel.id for channel in self.channels)
 
     @property
     def frame_id(self) -> str:
@@ -93,32 +98,46 @@ class Roles:
 
 
 def list_topics(source: Source) -> list[Topic]:
-    """Return the channels that processing knows, each with its first message."""
-    topics = []
+    """Return the topics that processing knows, each with its first message."""
+    alike: dict[tuple[str, str], list[Channel]] = {}
     for channel in source.channels.values():
         kind = kind_of(channel)
         if kind is not None:
-            first, problem = _first_message(source, channel)
-            topics.append(Topic(channel, kind, source.counts[channel.id], first, problem))
+            alike.setdefault((channel.topic, kind), []).append(channel)
+    topics = []
+    for (name, kind), channels in alike.items():
+        first, problem = _first_message(source, channels)
+        count = sum(source.counts[channel.id] for channel in channels)
+        topics.append(Topic(name, tuple(channels), kind, count, first, problem))
     return topics
 
 
-def _first_message(source: Source, channel: Channel) -> tuple[Message | None, str | None]:
-    if not source.counts[channel.id]:
+def _first_message(
+    source: Source, channels: Sequence[Channel]
+) -> tuple[Message | None, str | None]:
+    decoders, problem = decoders_of(channels)
+    if not any(source.counts[channel.id] for channel in channels):
         return None, "has no messages"
-    problem = "has no message that could be read"
-    try:
-        decoder = Decoder(channel)
-        for tried, raw in enumerate(source.messages([channel.id])):
-            try:
-                return decoder.decode(raw), None
-            except DecodingError as error:
-                problem = str(error)
-            if tried >= 10:
-                break
-    except DecodingError as error:
-        problem = str(error)
-    return None, problem
+    for tried, raw in enumerate(source.messages(decoders)):
+        try:
+            return decoders[raw.channel_id].decode(raw), None
+        except DecodingError as error:
+            problem = str(error)
+        if tried >= 10:
+            break
+    return None, problem or "has no message that could be read"
+
+
+def decoders_of(channels: Sequence[Channel]) -> tuple[dict[int, Decoder], str | None]:
+    """Return a decoder by channel, and what is wrong with one that cannot be read, if any."""
+    decoders: dict[int, Decoder] = {}
+    problem = None
+    for channel in channels:
+        try:
+            decoders[channel.id] = Decoder(channel)
+        except DecodingError as error:
+            problem = str(error)
+    return decoders, problem
 
 
 def find_roles(
