@@ -11,7 +11,12 @@ from tablemap.geometry import Floats, Pose2
 from tablemap.stages.legs.chairs import chair_like
 from tablemap.stages.legs.clusters import Cluster, Persistence, find_clusters, persistence
 from tablemap.stages.legs.depth import Reach, reach
-from tablemap.stages.legs.evidence import Evidence, gather_evidence, thinned
+from tablemap.stages.legs.evidence import (
+    STOP_POSITION_SIGMA,
+    Evidence,
+    gather_evidence,
+    thinned,
+)
 from tablemap.stages.legs.fit import Fit, Priors, criterion, fit_alone
 from tablemap.stages.legs.layout import Frame, table_sets
 from tablemap.stages.legs.scans import Scans
@@ -19,6 +24,8 @@ from tablemap.stages.legs.silhouettes import Segments, Walls, beam_points, find_
 from tablemap.stages.snapshots import Snapshot
 
 UNDER_ANOTHER = "stands under the surface that touches the table"
+
+_OWN_TANGENTS = 120  # of a candidate's first fit, which only has to find its place and shape
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +67,7 @@ def find_candidates(
 ) -> tuple[list[Candidate], Floats, Walls]:
     """Return all clusters under or near the top, the thinned evidence (n, 2) in the map, walls."""
     points = beam_points(scans)
-    segments, walls = find_segments(scans, points, frame.polygon, config=config)
+    segments, walls = find_segments(scans, points, frame.polygon)
     candidates = [
         _judged(scans, points, segments, cluster, snapshots, poses, frame, config, sensors)
         for cluster in find_clusters(scans, points, segments, config=config)
@@ -95,10 +102,10 @@ def _judged(
     stops = len(np.unique(scans.groups[own.view]))
     if stops < min(2, len(scans.group_stops)):
         return replace(found, reason="seen from one stop alone")
-    evidence = gather_evidence(scans, points, own, own, config=config)
+    evidence = gather_evidence(scans, points, own, own)
     if len(evidence.sigma) < 4:
         return replace(found, reason="too little of its outline seen")
-    fits = _own_fits(cluster, evidence, frame, config, sensors)
+    fits = _own_fits(cluster, evidence, frame, sensors)
     found = replace(found, evidence=evidence, fits=fits)
     place = fits[found.kind].parameters[0, :2]
     if np.linalg.norm(place - cluster.centre) > max(0.05, cluster.size):
@@ -119,15 +126,14 @@ def _own_fits(
     cluster: Cluster,
     evidence: Evidence,
     frame: Frame,
-    config: LegsConfig,
     sensors: SensorsConfig,
 ) -> dict[str, Fit]:
     """Fit the cluster by itself: poses are held, and what they may be off goes into the sigmas."""
-    few = thinned(evidence, config.own_tangents)
+    few = thinned(evidence, _OWN_TANGENTS)
     alone = replace(
         few,
-        sigma=np.hypot(few.sigma, config.stop_position_sigma),
-        hit_sigma=np.hypot(few.hit_sigma, config.stop_position_sigma),
+        sigma=np.hypot(few.sigma, STOP_POSITION_SIGMA),
+        hit_sigma=np.hypot(few.hit_sigma, STOP_POSITION_SIGMA),
     )
     priors = Priors(
         None, (sensors.laser_beam_half_width, 1e-4), (0.0, sensors.laser_range_bias_sigma)

@@ -13,12 +13,14 @@ from shapely.geometry import Polygon
 from tablemap.config import LegsConfig, SensorsConfig
 from tablemap.geometry import Floats, Pose2, invert, transform
 from tablemap.stages.legs.evidence import Evidence
-from tablemap.stages.legs.silhouettes import Walls
+from tablemap.stages.legs.silhouettes import WALL_DISTANCE, Walls
 from tablemap.stages.snapshots import Snapshot
 
 _STRIDE = 2  # pixels: posts of 3 cm are still 4 columns wide at 2 m
 _CELL = 0.02
 _LAYER = 0.05
+_MARGIN = 0.03  # metres beyond the outline, as poses by depth err
+_LEAST_PIXELS = 6  # of a layer of a post, or of its face
 
 
 @dataclass(frozen=True)
@@ -121,7 +123,7 @@ def find_posts(
     layers = int((high - low) / _LAYER)
     if layers < 3 or not poses:
         return []
-    grown = outline.buffer(config.depth_margin)
+    grown = outline.buffer(_MARGIN)
     x0, y0, x1, y1 = grown.bounds
     shape = (int((x1 - x0) / _CELL) + 2, int((y1 - y0) / _CELL) + 2, layers)
     counts = np.zeros(shape, dtype=np.int64)
@@ -136,7 +138,7 @@ def find_posts(
         points = map_from_base.apply(points)
         points = points[shapely.contains_xy(grown, points[:, 0], points[:, 1])]
         for normal, offset in walls:
-            points = points[np.abs(points[:, :2] @ normal - offset) > config.wall_distance]
+            points = points[np.abs(points[:, :2] @ normal - offset) > WALL_DISTANCE]
         by_view[index] = points
         cells = ((points - [x0, y0, low]) / [_CELL, _CELL, _LAYER]).astype(np.int64)
         np.add.at(counts, tuple(cells.T), 1)
@@ -144,7 +146,7 @@ def find_posts(
     spread = (
         ndimage.uniform_filter(counts.astype(np.float64), size=(3, 3, 1), mode="constant") * 9.0
     )
-    filled = (counts > 0) & (spread >= config.depth_points)
+    filled = (counts > 0) & (spread >= _LEAST_PIXELS)
     share = filled.mean(axis=2)
     upper = filled[..., layers // 2 :].mean(axis=2)
     solid = (share >= 0.3) & (upper >= 0.3)
@@ -178,7 +180,7 @@ def _post(
     collected: list[Floats] = []
     for index, cloud in by_view.items():
         own = cloud[np.linalg.norm(cloud[:, :2] - centre, axis=1) < 0.5 * size + 0.03]
-        if len(own) < config.depth_points:
+        if len(own) < _LEAST_PIXELS:
             continue
         base = poses[index]
         eye = base.apply(snapshots[index].base_from_camera[:2, 3])
@@ -189,7 +191,7 @@ def _post(
         aside, along = (own[:, :2] - eye) @ left, (own[:, :2] - eye) @ sight
         front = float(np.percentile(along, 10))
         face = np.abs(along - front) < 0.05
-        if face.sum() < config.depth_points:
+        if face.sum() < _LEAST_PIXELS:
             continue
         lateral = 1.5 * _STRIDE * distance / snapshots[index].camera.fx
         around_aside, around_along = (cloud[:, :2] - eye) @ left, (cloud[:, :2] - eye) @ sight
@@ -198,7 +200,7 @@ def _post(
             edge = float(np.percentile(aside[face] * side, 97))
             beyond = around_aside[around] * side - edge
             # What goes on beside it at its depth (a wall close behind) hides where it ends.
-            if ((beyond > 0.01) & (beyond < 0.05)).sum() >= config.depth_points:
+            if ((beyond > 0.01) & (beyond < 0.05)).sum() >= _LEAST_PIXELS:
                 continue
             point = eye + sight * (front + 0.01) + left * side * edge
             normals.append(left * side)

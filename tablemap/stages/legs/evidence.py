@@ -6,10 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tablemap.config import LegsConfig
 from tablemap.geometry import Floats, Ints
 from tablemap.stages.legs.scans import Scans
 from tablemap.stages.legs.silhouettes import Segments
+
+STOP_POSITION_SIGMA = 0.003
+"""What a stop's pose may be off where a fit holds it, metres."""
+
+# What one scan of a drive is off beside the others, by the odometry's interpolation.
+_MOVING_POSITION_SIGMA = 0.003  # metres
+_MOVING_YAW_SIGMA = 0.001  # radians
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,9 +72,7 @@ def thinned(evidence: Evidence, tangents: int) -> Evidence:
     )
 
 
-def gather_evidence(
-    scans: Scans, points: Floats, chosen: Segments, members: Segments, *, config: LegsConfig
-) -> Evidence:
+def gather_evidence(scans: Scans, points: Floats, chosen: Segments, members: Segments) -> Evidence:
     """Turn one leg's segments into tangents and depths.
 
     ``members`` are all segments that belong to the same thing, ``chosen`` those to be used: an
@@ -98,9 +102,7 @@ def gather_evidence(
         moving = ~scans.standing[view]
         white = np.where(
             moving,
-            np.sqrt(
-                white**2 + config.moving_position_sigma**2 + (inner * config.moving_yaw_sigma) ** 2
-            ),
+            np.sqrt(white**2 + _MOVING_POSITION_SIGMA**2 + (inner * _MOVING_YAW_SIGMA) ** 2),
             white,
         )
         point = origin + inner[:, None] * direction
@@ -121,7 +123,7 @@ def gather_evidence(
     hit_sigma = np.sqrt(
         scans.noise[solid.view] ** 2 / np.maximum(counts, 1)
         + 0.002**2
-        + np.where(moving, config.moving_position_sigma**2, 0.0)
+        + np.where(moving, _MOVING_POSITION_SIGMA**2, 0.0)
     )
     middle = points[solid.view, (solid.first + solid.last) // 2]
     return Evidence(

@@ -13,9 +13,13 @@ from tablemap.stages.legs.candidates import Candidate
 from tablemap.stages.legs.clusters import persistence
 from tablemap.stages.legs.depth import Reach
 from tablemap.stages.legs.layout import Frame, symmetric_sets
+from tablemap.stages.legs.posts import DEPTH_SYMMETRY
 from tablemap.stages.legs.result import Leg
 from tablemap.stages.legs.scans import Scans
 from tablemap.stages.surface import Figure
+
+_LASER_SYMMETRY = 0.03  # metres: as `DEPTH_SYMMETRY`, where the laser placed all
+_SYMMETRY_SIGMA = 0.01  # metres by which a table's own legs miss symmetry
 
 
 def infer_missing(
@@ -36,7 +40,7 @@ def infer_missing(
         return []
     places = np.array([[leg.x, leg.y] for leg in legs])
     by_depth = any(leg.seen_by == "depth" for leg in legs)
-    tolerance = config.depth_symmetry if by_depth else config.laser_symmetry
+    tolerance = DEPTH_SYMMETRY if by_depth else _LASER_SYMMETRY
     for members, missing in symmetric_sets(frame, places, tolerance):
         if len(members) != 3 or len(missing) != 1:
             continue
@@ -59,7 +63,7 @@ def infer_missing(
         }
         spread = max((leg.position_sigma or 0.0 for leg in legs), default=0.0)
         # Real tables are symmetric to about a centimetre.
-        sigma = float(np.sqrt(3.0 * spread**2 + config.symmetry_sigma**2))
+        sigma = float(np.sqrt(3.0 * spread**2 + _SYMMETRY_SIGMA**2))
         return [
             Leg(
                 shape=pattern.shape,

@@ -6,16 +6,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tablemap.config import LegsConfig, SensorsConfig
+from tablemap.config import SensorsConfig
 from tablemap.geometry import Floats
 from tablemap.stages.legs.candidates import UNDER_ANOTHER, Candidate
 from tablemap.stages.legs.clusters import persistence
 from tablemap.stages.legs.depth import Post
+from tablemap.stages.legs.evidence import STOP_POSITION_SIGMA
 from tablemap.stages.legs.fit import Fit, Priors, criterion, fit_alone
 from tablemap.stages.legs.layout import Frame, symmetric_sets
 from tablemap.stages.legs.result import Leg, RejectedCluster
 from tablemap.stages.legs.scans import Scans
 from tablemap.stages.surface import Figure
+
+DEPTH_SYMMETRY = 0.05
+"""Legs that depth placed so near to each other's mirror image are partners, metres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +36,6 @@ def accept_posts(
     scans: Scans | None,
     frame: Frame,
     *,
-    config: LegsConfig,
     sensors: SensorsConfig,
 ) -> tuple[list[Leg], list[RejectedCluster]]:
     """Return the posts that are legs and not found yet, and the others with their reasons."""
@@ -45,7 +48,7 @@ def accept_posts(
         if post.reason is not None:
             refused.append(_refused(post, post.reason))
             continue
-        fit = _fitted(post, frame, config, sensors)
+        fit = _fitted(post, frame, sensors)
         place = fit.parameters[0, :2]
         if np.linalg.norm(place - post.centre) > 0.5 * post.size + 0.04:
             refused.append(_refused(post, "its views do not agree on a place"))
@@ -59,7 +62,7 @@ def accept_posts(
     fitted, doubles = _without_doubles(fitted)
     refused += doubles
     places = np.array([f.place for f in fitted] + [[leg.x, leg.y] for leg in legs]).reshape(-1, 2)
-    sets = symmetric_sets(frame, places, config.depth_symmetry)
+    sets = symmetric_sets(frame, places, DEPTH_SYMMETRY)
     partners = {i for members, _ in sets for i in members}
     found = []
     for i, one in enumerate(fitted):
@@ -101,11 +104,9 @@ def _refused(post: Post, reason: str) -> RejectedCluster:
     return RejectedCluster(float(post.centre[0]), float(post.centre[1]), post.points, reason)
 
 
-def _fitted(post: Post, frame: Frame, config: LegsConfig, sensors: SensorsConfig) -> Fit:
+def _fitted(post: Post, frame: Frame, sensors: SensorsConfig) -> Fit:
     priors = Priors(None, (0.0, 1e-6), (0.0, sensors.depth_silhouette_sigma))
-    evidence = replace(
-        post.evidence, sigma=np.hypot(post.evidence.sigma, config.stop_position_sigma)
-    )
+    evidence = replace(post.evidence, sigma=np.hypot(post.evidence.sigma, STOP_POSITION_SIGMA))
     yaw = frame.surface.pose.yaw
     fits = [
         fit_alone(kind, evidence, post.centre, post.size, yaw, priors=priors)

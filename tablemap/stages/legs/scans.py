@@ -15,6 +15,8 @@ from tablemap.stages.odometry import Trajectory
 from tablemap.stages.registration import Registration
 from tablemap.stages.snapshots import Snapshot
 
+_MOVING_STEP = 0.04  # metres of the base between two scans of a drive
+_FARTHEST = 4.0  # metres of the base from the table's middle: from there a leg is one beam wide
 _LOST = 2  # beams in a row that a surface may lose
 _ONE_DEPTH = 0.05  # metres between the beams beside them
 
@@ -63,7 +65,7 @@ def gather_scans(
     stops = sorted((snapshots[i].start_ns, snapshots[i].end_ns, i) for i in stop_poses)
     starts = np.array([start for start, _, _ in stops], dtype=np.int64)
     gathered: dict[int, _Stop] = {index: _Stop() for _, _, index in stops}
-    drives = _Drives(config)
+    drives = _Drives(config.moving_scans)
     trajectory = registration.trajectory
     span = (-1, -2)
     if len(trajectory.stamps_ns):
@@ -77,7 +79,7 @@ def gather_scans(
             gathered[stops[before - 1][2]].add(scan, config.stop_scans)
         elif span[0] <= scan.stamp_ns <= span[1]:
             rough = path.at(scan.stamp_ns)
-            if np.hypot(*(rough[:2] - centre)) <= config.farthest_scan and drives.moved(rough):
+            if np.hypot(*(rough[:2] - centre)) <= _FARTHEST and drives.moved(rough):
                 drives.add(scan, trajectory.at(scan.stamp_ns), before)
     rows: list[_Row] = []
     group_stops: list[int] = []
@@ -173,10 +175,10 @@ class _Path:
 class _Drives:
     """Scans taken in motion, thinned to a bound as they arrive."""
 
-    def __init__(self, config: LegsConfig) -> None:
+    def __init__(self, bound: int) -> None:
         self.kept: list[tuple[LaserScan, Pose2, int]] = []
-        self.step = config.moving_step
-        self.bound = config.moving_scans
+        self.step = _MOVING_STEP
+        self.bound = bound
         self.last: Floats | None = None
 
     def moved(self, pose: Floats) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from tablemap.config import LegsConfig, SensorsConfig
+from tablemap.config import SensorsConfig
 from tablemap.geometry import Floats, wrap_angles
 from tablemap.stages.legs.candidates import Candidate
 from tablemap.stages.legs.evidence import Evidence
@@ -19,6 +19,11 @@ from tablemap.stages.registration import Registration
 from tablemap.stages.surface import Figure
 
 _YAW_SIGMA = np.radians(2.0)
+_SIZE_SYSTEMATIC = 0.0003  # metres of a leg's size that no residual can tell
+# What all scans of one drive share: the odometry was bent to the stops at its ends.
+_DRIVE_POSITION_SIGMA = 0.006  # metres
+_DRIVE_YAW_SIGMA = 0.003  # radians
+_POSE_FLOOR = 0.0001  # metres added to a stop's sigma, so that its covariance has an inverse
 _ELONGATED = 1.25
 _RARE = 6.0
 _TELLING = 30  # residuals that tell their own spread
@@ -31,7 +36,6 @@ def refine(
     registration: Registration,
     frame: Frame,
     *,
-    config: LegsConfig,
     sensors: SensorsConfig,
 ) -> tuple[list[Leg], float | None, float | None]:
     """Fit the legs together; return them, the beam's half width and the range bias found.
@@ -40,7 +44,7 @@ def refine(
     """
     if scans is None or not accepted:
         return [], None, None
-    covariance = _pose_covariance(scans, registration, config)
+    covariance = _pose_covariance(scans, registration)
     information = np.linalg.inv(covariance).astype(np.float64)
     legs: list[Leg] = []
     beam = bias = None
@@ -55,7 +59,7 @@ def refine(
                 i,
                 candidate,
                 _systematic(candidate, registration, frame, sensors),
-                config.size_systematic,
+                _SIZE_SYSTEMATIC,
             )
             for i, candidate in enumerate(group)
         ]
@@ -64,9 +68,9 @@ def refine(
     return legs, beam, bias
 
 
-def _pose_covariance(scans: Scans, registration: Registration, config: LegsConfig) -> Floats:
+def _pose_covariance(scans: Scans, registration: Registration) -> Floats:
     """Return (3G, 3G) of the groups' poses: the registration's for stops, loose ones for drives."""
-    drive = np.diag(np.square([config.drive_position_sigma] * 2 + [config.drive_yaw_sigma]))
+    drive = np.diag(np.square([_DRIVE_POSITION_SIGMA] * 2 + [_DRIVE_YAW_SIGMA]))
     covariance: Floats = block_diag(*[drive] * len(scans.group_stops))
     stops = np.flatnonzero(scans.group_stops >= 0)
     ours = (3 * stops[:, None] + np.arange(3)).ravel()
@@ -75,7 +79,7 @@ def _pose_covariance(scans: Scans, registration: Registration, config: LegsConfi
     if np.isfinite(known).all():
         covariance[np.ix_(ours, ours)] = 0.5 * (known + known.T)
     # The relative covariance has no inverse: the mean pose is held.
-    floor = np.tile([config.pose_floor**2] * 2 + [(0.3 * config.pose_floor) ** 2], len(stops))
+    floor = np.tile([_POSE_FLOOR**2] * 2 + [(0.3 * _POSE_FLOOR) ** 2], len(stops))
     covariance[ours, ours] += floor
     return covariance
 

@@ -8,12 +8,17 @@ import numpy as np
 import shapely
 from shapely.geometry import Polygon
 
-from tablemap.config import LegsConfig
 from tablemap.geometry import Bools, Floats, Ints
 from tablemap.stages.legs.scans import Scans
 
 Walls = list[tuple[Floats, float]]
 """Lines in the map: a unit normal (2,) and how far along it the line lies from the origin."""
+
+_MARGIN = 0.35  # metres beyond the outline that are looked at: chairs and walls are told by them
+_WALL_LENGTH = 0.35  # metres of a straight line in one scan: longer than any leg is wide
+_WALL_BEYOND = 0.08  # metres beyond the top: a line that leads on there is no panel of the table
+WALL_DISTANCE = 0.03
+"""What lies no further off a wall's line than this is the wall, metres."""
 
 _STEP_NOISES = 4.0  # a range step is real from this many sigmas of a beam difference
 _STEP_INCIDENCE = 2.5  # and above what a surface at 68 degrees incidence makes of one beam's angle
@@ -59,26 +64,22 @@ def beam_points(scans: Scans) -> Floats:
     return ends
 
 
-def find_segments(
-    scans: Scans, points: Floats, outline: Polygon, *, config: LegsConfig
-) -> tuple[Segments, Walls]:
+def find_segments(scans: Scans, points: Floats, outline: Polygon) -> tuple[Segments, Walls]:
     """Cut every scan where the range jumps, and keep what ends near the table.
 
     Returns the walls beside it, too: the lines that lead on beyond the table.
     """
     hit = np.isfinite(scans.ranges)
-    found = _cut(scans, points, hit, outline, config.margin)
-    walls = _walls(found, points, outline, config=config)
+    found = _cut(scans, points, hit, outline)
+    walls = _walls(found, points, outline)
     if walls:
         # A leg close before a wall may hang together with it: the wall's beams are taken out.
-        found = _cut(
-            scans, points, hit & ~_near_lines(points, walls, config), outline, config.margin
-        )
-    wall = _on_walls(found, points, walls, config=config)
+        found = _cut(scans, points, hit & ~_near_lines(points, walls), outline)
+    wall = _on_walls(found, points, walls)
     return replace(found, wall=wall).only(found.inside > 0.5), walls
 
 
-def _cut(scans: Scans, points: Floats, hit: Bools, outline: Polygon, margin: float) -> Segments:
+def _cut(scans: Scans, points: Floats, hit: Bools, outline: Polygon) -> Segments:
     """Make segments of the beams in ``hit`` (V, B), cut where the range jumps."""
     beams = scans.ranges.shape[1]
     reach = np.where(np.isfinite(scans.ranges), scans.ranges, np.inf)
@@ -99,7 +100,7 @@ def _cut(scans: Scans, points: Floats, hit: Bools, outline: Polygon, margin: flo
     last = np.nonzero(ends)[1]
 
     everything = np.nan_to_num(points, nan=1e9)
-    inside = _within(everything, outline, margin)
+    inside = _within(everything, outline)
     counts = (last - first + 1).astype(np.float64)
     share = _sums(inside.astype(np.float64), view, first, last) / counts
     mean_range = _sums(np.where(hit, scans.ranges, 0.0), view, first, last) / counts
@@ -136,9 +137,9 @@ def _cut(scans: Scans, points: Floats, hit: Bools, outline: Polygon, margin: flo
     )
 
 
-def _within(points: Floats, outline: Polygon, margin: float) -> Bools:
-    """Say which (..., 2) points lie in the outline grown by a margin."""
-    grown = outline.buffer(margin)
+def _within(points: Floats, outline: Polygon) -> Bools:
+    """Say which (..., 2) points lie in the outline grown by `_MARGIN`."""
+    grown = outline.buffer(_MARGIN)
     x0, y0, x1, y1 = grown.bounds
     inside: Bools = (
         (points[..., 0] > x0)
@@ -157,13 +158,13 @@ def _sums(values: Floats, view: Ints, first: Ints, last: Ints) -> Floats:
     return sums
 
 
-def _walls(found: Segments, points: Floats, outline: Polygon, *, config: LegsConfig) -> Walls:
-    """Return the straight lines that lead on beyond the table by ``config.wall_beyond``."""
-    grown = outline.buffer(config.margin)
-    beyond = outline.buffer(config.wall_beyond)
+def _walls(found: Segments, points: Floats, outline: Polygon) -> Walls:
+    """Return the straight lines that lead on beyond the table by `_WALL_BEYOND`."""
+    grown = outline.buffer(_MARGIN)
+    beyond = outline.buffer(_WALL_BEYOND)
     start, end = points[found.view, found.first], points[found.view, found.last]
     length = np.linalg.norm(end - start, axis=1)
-    long = np.flatnonzero((length > config.wall_length) & (found.last - found.first >= 5))
+    long = np.flatnonzero((length > _WALL_LENGTH) & (found.last - found.first >= 5))
     lines: Walls = []
     for i in long[np.argsort(-length[long], kind="stable")]:
         run = points[found.view[i], found.first[i] : found.last[i] + 1]
@@ -173,7 +174,7 @@ def _walls(found: Segments, points: Floats, outline: Polygon, *, config: LegsCon
             centre = piece.mean(axis=0)
             _, _, axes = np.linalg.svd(piece - centre, full_matrices=False)
             along = (piece - centre) @ axes[0]
-            if np.ptp(along) < config.wall_length:
+            if np.ptp(along) < _WALL_LENGTH:
                 continue
             # A panel ends with the table; a wall leads on.
             outside = ~shapely.contains_xy(beyond, piece[:, 0], piece[:, 1])
@@ -187,23 +188,23 @@ def _walls(found: Segments, points: Floats, outline: Polygon, *, config: LegsCon
     return lines
 
 
-def _on_walls(found: Segments, points: Floats, walls: Walls, *, config: LegsConfig) -> Bools:
+def _on_walls(found: Segments, points: Floats, walls: Walls) -> Bools:
     """Mark the segments that lie on one of the lines."""
     wall = np.zeros(len(found), dtype=bool)
     start, end = points[found.view, found.first], points[found.view, found.last]
     middle = points[found.view, (found.first + found.last) // 2]
     for normal, offset in walls:
         near = np.stack([np.abs(p @ normal - offset) for p in (start, middle, end)]).max(axis=0)
-        wall |= near < config.wall_distance
+        wall |= near < WALL_DISTANCE
     return wall
 
 
-def _near_lines(points: Floats, walls: Walls, config: LegsConfig) -> Bools:
+def _near_lines(points: Floats, walls: Walls) -> Bools:
     """Say which (V, B) beam ends lie on one of the lines."""
     near = np.zeros(points.shape[:2], dtype=bool)
     for normal, offset in walls:
         with np.errstate(invalid="ignore"):
-            near |= np.abs(points @ normal - offset) < config.wall_distance
+            near |= np.abs(points @ normal - offset) < WALL_DISTANCE
     return near
 
 

@@ -67,9 +67,7 @@ def find_legs(
             )
             candidates = judge(candidates, frame)
         accepted = [candidate for candidate in candidates if candidate.reason is None]
-        legs, beam, bias = refine(
-            accepted, scans, registration, frame, config=config, sensors=sensors
-        )
+        legs, beam, bias = refine(accepted, scans, registration, frame, sensors=sensors)
         posts = find_posts(
             snapshots,
             poses,
@@ -79,9 +77,7 @@ def find_legs(
             config=config,
             sensors=sensors,
         )
-        more, refused = accept_posts(
-            posts, legs, candidates, scans, frame, config=config, sensors=sensors
-        )
+        more, refused = accept_posts(posts, legs, candidates, scans, frame, sensors=sensors)
         legs = legs + more
         highest = surface.height.value - 0.06
 
