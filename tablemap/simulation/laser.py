@@ -1,4 +1,9 @@
-"""The laser scanner at ankle height, and its errors."""
+"""The laser scanner at ankle height, and its errors.
+
+That ranges err with the colour of what they meet, and otherwise by millimetres, is measured by
+Kneip, Tache, Caprari and Siegwart (2009), "Characterization of the compact Hokuyo URG-04LX 2D
+laser range finder".
+"""
 
 from __future__ import annotations
 
@@ -12,6 +17,7 @@ from tablemap.simulation.attitude import Attitude
 from tablemap.simulation.drive import Drive
 from tablemap.simulation.scenario import Laser
 from tablemap.simulation.scene import Scene
+from tablemap.simulation.seeds import Generators, clipped_normal
 from tablemap.simulation.world import Person
 
 MOUNT = (0.1675, 0.0, 0.1844)
@@ -24,6 +30,7 @@ INCREMENT = (ANGLE_MAX - ANGLE_MIN) / (BEAMS - 1)
 TIME_INCREMENT = SCAN_TIME * INCREMENT / (2 * np.pi)
 """Seconds from beam to beam: the mirror turns once a scan."""
 
+_HARMONICS = 3
 _SUBBEAMS = 3
 _SPOT = 0.06  # echoes closer together than this in range (metres) are one
 
@@ -32,7 +39,9 @@ _SPOT = 0.06  # echoes closer together than this in range (metres) are one
 class LaserErrors:
     """What the seed drew: range r comes out as scale r + bias + slope min(r, 3 m).
 
-    The true scanner is the published one, shifted by ``x``, ``y`` and turned by ``yaw``.
+    The true scanner is the published one, shifted by ``x``, ``y`` and turned by ``yaw``. Black
+    reads further than white by ``dark`` metres. ``bend`` (3, 2) are the cosine's and the sine's
+    part, in metres, of what is added at a beam's angle, at its double and at its triple.
     """
 
     scale: float
@@ -41,10 +50,15 @@ class LaserErrors:
     x: float
     y: float
     yaw: float
+    dark: float = 0.0
+    bend: tuple[tuple[float, float], ...] = ()
 
     @staticmethod
-    def drawn(laser: Laser, rng: np.random.Generator) -> LaserErrors:
-        """Draw the errors of one recording; none is more than 2.5 sigma."""
+    def drawn(laser: Laser, rng: np.random.Generator, generator: Generators) -> LaserErrors:
+        """Draw the errors of one recording; none is more than 2.5 sigma.
+
+        ``generator`` gives what came to the simulator later its own random numbers, by purpose.
+        """
         unit = np.clip(rng.normal(size=6), -2.5, 2.5)
         return LaserErrors(
             float(1 + laser.scale_sigma * unit[0]),
@@ -53,7 +67,20 @@ class LaserErrors:
             float(laser.mount_sigma * unit[3]),
             float(laser.mount_sigma * unit[4]),
             float(np.deg2rad(laser.mount_yaw_sigma_deg) * unit[5]),
+            float(laser.dark_sigma * np.abs(clipped_normal(generator("laser dark"), 1)[0])),
+            tuple(
+                (float(c), float(s))
+                for c, s in laser.bend_sigma
+                / np.sqrt(_HARMONICS)
+                * clipped_normal(generator("laser bend"), (_HARMONICS, 2))
+            ),
         )
+
+    def bent(self, angles: Floats) -> Floats:
+        """Return what is added to ranges at angles (n,)."""
+        turns = np.multiply.outer(angles, np.arange(1, len(self.bend) + 1))
+        parts = np.array(self.bend).reshape(-1, 2)
+        return np.asarray(np.cos(turns) @ parts[:, 0] + np.sin(turns) @ parts[:, 1])
 
 
 def scan(
@@ -93,7 +120,11 @@ def scan(
         yaws = np.repeat(base[:, 2], subbeams)
         starts = foot + _leaned(starts - foot, leans, yaws)
         rays = _leaned(rays, leans, yaws)
-    ranges = scene.cast(starts, rays).distance
+    hits = scene.cast(starts, rays)
+    ranges = hits.distance
+    if errors.dark:
+        reflectances = np.array([part.reflectance for part in scene.parts] + [1.0])
+        ranges = ranges + errors.dark * (1 - reflectances[hits.parts])
     for person in people:
         ankles = person.ankles(times)
         for side in range(2):
@@ -104,6 +135,8 @@ def scan(
     echoes = _echo(ranges.reshape(-1, subbeams), rng)
     noisy = errors.scale * echoes + errors.bias
     noisy += errors.bias_slope * np.minimum(echoes, 3.0)
+    if laser.bend_sigma:
+        noisy += errors.bent(angles)
     noisy += laser.noise_sigma * rng.standard_normal(len(noisy))
     lost = rng.random(len(noisy)) < laser.dropout
     # The scanner reports whole millimetres; without noise that would be an error of its own.

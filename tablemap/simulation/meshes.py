@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import mapbox_earcut
 import numpy as np
@@ -36,6 +37,10 @@ class Part:
     reflectance: float = 0.6
     gloss: float = 0.0
     glass: bool = False
+
+    def of(self, mesh: Mesh) -> Part:
+        """Return another mesh made of the same."""
+        return replace(self, mesh=mesh)
 
 
 def at(place: Floats, yaw: float) -> Pose2:
@@ -87,6 +92,55 @@ def plate(outline: Floats, bottom: float, top: float, *, edge: str, edge_size: f
     rings = [outline] + [inset(outline, edge_size * (1 - np.cos(turn))) for turn in turns]
     heights = [bottom] + [top - edge_size * (1 - np.sin(turn)) for turn in turns]
     return loft(rings, heights)
+
+
+def refined(mesh: Mesh, size: float) -> Mesh:
+    """Split edges until none is longer than ``size``, without gaps between neighbours.
+
+    An edge is split by its length alone, so both triangles at it split it, at the same place.
+    """
+    vertices, triangles = mesh.vertices, mesh.triangles.astype(np.int64)
+    while True:
+        edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1), axis=-1)
+        ends = vertices[edges]
+        long = np.linalg.norm(ends[..., 1, :] - ends[..., 0, :], axis=-1) > size
+        if not long.any():
+            return Mesh(vertices, triangles.astype(np.uint32))
+        split, each = np.unique(edges[long], axis=0, return_inverse=True)
+        middles = np.full(long.shape, -1)
+        middles[long] = len(vertices) + each.ravel()
+        vertices = np.concatenate([vertices, vertices[split].mean(axis=1)])
+        triangles = np.concatenate(list(_halves(triangles, middles)))
+
+
+def _halves(
+    triangles: NDArray[np.int64], middles: NDArray[np.int64]
+) -> Iterator[NDArray[np.int64]]:
+    """Yield what triangles become whose edges (first to second corner first) have ``middles``."""
+    count = (middles >= 0).sum(axis=1)
+    yield triangles[count == 0]
+    for number in (1, 2, 3):
+        chosen = count == number
+        corners, split = triangles[chosen], middles[chosen] >= 0
+        # Turn each so that its first edge is split, and with two its first and second.
+        first = split.argmax(axis=1)
+        if number == 2:
+            first = (split.argmin(axis=1) + 1) % 3
+        turned = (np.arange(3) + first[:, None]) % 3
+        a, b, c = np.take_along_axis(corners, turned, axis=1).T
+        ab, bc, ca = np.take_along_axis(middles[chosen], turned, axis=1).T
+        if number == 1:
+            yield np.column_stack([a, ab, c])
+            yield np.column_stack([ab, b, c])
+        elif number == 2:
+            yield np.column_stack([ab, b, bc])
+            yield np.column_stack([a, ab, c])
+            yield np.column_stack([ab, bc, c])
+        else:
+            yield np.column_stack([a, ab, ca])
+            yield np.column_stack([ab, b, bc])
+            yield np.column_stack([ca, bc, c])
+            yield np.column_stack([ab, bc, ca])
 
 
 def box(length: float, width: float, bottom: float, top: float) -> Mesh:

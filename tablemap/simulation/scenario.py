@@ -37,6 +37,7 @@ class Legs(Section):
         default=0.06, ge=0, description="from the top's corner to the leg's middle"
     )
     inset_spread: float = Field(default=0.02, ge=0)
+    reflectance: float | None = Field(default=None, gt=0, le=1, description="None: as the top's")
 
 
 class Table(Section):
@@ -64,6 +65,8 @@ class Table(Section):
     colour: tuple[float, float, float] = (0.72, 0.55, 0.36)
     legs: Legs = Legs()
     pose: tuple[float, float, float] | None = Field(default=None, description="None: drawn")
+    slope_sigma_deg: float = Field(default=0.0, ge=0, description="about either axis")
+    sag: float = Field(default=0.0, ge=0, description="of the middle below the corners, or the rim")
     size_spread: float = Field(default=0.1, ge=0, lt=0.5)
 
 
@@ -181,6 +184,12 @@ class Laser(Section):
     mount_sigma: float = Field(default=0.0, ge=0)
     mount_yaw_sigma_deg: float = Field(default=0.0, ge=0)
     dropout: float = Field(default=0.002, ge=0, lt=1)
+    bend_sigma: float = Field(
+        default=0.0, ge=0, description="of ranges that err smoothly with the beam's angle"
+    )
+    dark_sigma: float = Field(
+        default=0.0, ge=0, description="by which black reads further than white"
+    )
 
 
 class Wheels(Section):

@@ -99,7 +99,11 @@ class Simulation:
             "frame": "map",
             "scenario": self.scenario.name,
             "seed": self.seed,
-            "surface": surface_truth(world.top, world.map_from_table, tolerance=tolerance),
+            "surface": {
+                **surface_truth(world.top, world.map_from_table, tolerance=tolerance),
+                "relief": world.relief.truth(world.map_from_table) if world.relief else None,
+            },
+            "floor": world.waves.truth() if world.waves else None,
             "legs": [leg.truth(world.map_from_table) for leg in world.legs],
             "snapshots": snapshots,
             "sensor": {
@@ -120,6 +124,8 @@ class Simulation:
                 "laser_x": laser.x,
                 "laser_y": laser.y,
                 "laser_yaw": laser.yaw,
+                "laser_dark": laser.dark,
+                "laser_bend": laser.bend,
             },
         }
 
@@ -127,12 +133,12 @@ class Simulation:
 def simulate(scenario: Scenario, *, seed: int, nominal: bool = False) -> Simulation:
     """Draw a recording's world, drive and errors; ``nominal`` keeps the table's sizes as stated."""
     generator = generators(scenario.name, seed)
-    world = draw_world(scenario, generator("world"), nominal=nominal)
+    world = draw_world(scenario, generator, nominal=nominal)
     drive = draw_drive(scenario.robot, world, generator("drive"))
     belief = believe(drive, scenario.wheels, scenario.localisation, generator("belief"))
     sensors = generator("sensors")
     camera = DepthCamera(scenario.camera, CameraErrors.drawn(scenario.camera, sensors, generator))
-    laser_errors = LaserErrors.drawn(scenario.laser, sensors)
+    laser_errors = LaserErrors.drawn(scenario.laser, sensors, generator)
     moved_second = _NEVER
     if scenario.surroundings.moved and len(drive.stops) > 1:
         half = len(drive.stops) // 2

@@ -89,7 +89,8 @@ def table_parts(table: Table, top: Top, legs: list[Leg]) -> list[Part]:
             solid = cylinder(leg.length, 0.0, under)
         else:
             solid = box(leg.length, leg.width, 0.0, under)
-        parts.append(Part(solid.placed(leg.pose), _LEG_COLOUR, table.reflectance))
+        reflectance = table.legs.reflectance or table.reflectance
+        parts.append(Part(solid.placed(leg.pose), _LEG_COLOUR, reflectance))
     span = float(np.ptp(top.outline[:, 1]))
     if table.legs.layout == "pedestal":
         parts.append(Part(cylinder(0.6 * span, 0.0, 0.03), _LEG_COLOUR))

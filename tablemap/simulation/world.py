@@ -19,7 +19,9 @@ from tablemap.simulation.furniture import (
     stool_places,
 )
 from tablemap.simulation.meshes import Part, at, box, cylinder, prism
+from tablemap.simulation.relief import Relief, Waves, draw_relief, draw_waves, wavy_floor
 from tablemap.simulation.scenario import Scenario
+from tablemap.simulation.seeds import Generators
 from tablemap.simulation.shapes import Top, draw_top, place_top
 from tablemap.simulation.table import Leg, draw_legs, table_parts
 
@@ -60,7 +62,8 @@ class World:
     """Everything in the map frame; the floor is z = 0.
 
     ``path`` is the closed line round the table on which the base drives. ``before`` and ``after``
-    are the furniture that is moved halfway.
+    are the furniture that is moved halfway. ``relief`` is how the top departs from its plane, and
+    ``waves`` is how the floor does; None where it does not.
     """
 
     top: Top
@@ -72,16 +75,23 @@ class World:
     people: tuple[Person, ...]
     path: shapely.LinearRing
     away_from_wall: float
+    relief: Relief | None
+    waves: Waves | None
 
 
-def draw_world(scenario: Scenario, rng: np.random.Generator, *, nominal: bool) -> World:
+def draw_world(scenario: Scenario, generator: Generators, *, nominal: bool) -> World:
     """Draw the world of a scenario."""
+    rng = generator("world")
     table, around = scenario.table, scenario.surroundings
     top = draw_top(table, rng, nominal=nominal)
     drawn = rng.uniform((-0.6, -0.6, 0.0), (0.6, 0.6, np.pi))
     pose = place_top(top, Pose2.from_array(drawn if table.pose is None else table.pose))
     legs = draw_legs(table.legs, top, rng, nominal=nominal)
     local = table_parts(table, top, legs) + draw_clutter(scenario.clutter, top, rng)
+    relief = draw_relief(table, top, generator)
+    if relief:
+        local = relief.shaped(local, top)
+    waves = draw_waves(scenario.ground, generator)
     obstacles = [top.polygon]
     for chair, footprint in chair_places(
         top, around.chairs, pushed_in=around.chairs_pushed_in, rng=rng
@@ -101,7 +111,7 @@ def draw_world(scenario: Scenario, rng: np.random.Generator, *, nominal: bool) -
     driven = shapely.union_all(obstacles).convex_hull.buffer(clearance)
     room, room_pose = _room(scenario, top, driven, pose, rng)
     parts = _moved(local, pose)
-    parts += _walls(scenario, room, room_pose, rng)
+    parts += _walls(scenario, room, room_pose, waves, rng)
     map_driven = shapely.Polygon(pose.apply(np.asarray(driven.exterior.coords)))
     free = map_driven.buffer(0.4)
     parts += _along_walls(scenario, room, room_pose, free, rng)
@@ -109,15 +119,22 @@ def draw_world(scenario: Scenario, rng: np.random.Generator, *, nominal: bool) -
     people = tuple(_person(map_driven, rng) for _ in range(around.people))
     path = shapely.LinearRing(shapely.geometry.polygon.orient(map_driven, -1.0).exterior.coords)
     return World(
-        top, pose, tuple(legs), tuple(parts), before, after, people, path, pose.yaw - np.pi / 2
+        top,
+        pose,
+        tuple(legs),
+        tuple(parts),
+        before,
+        after,
+        people,
+        path,
+        pose.yaw - np.pi / 2,
+        relief,
+        waves,
     )
 
 
 def _moved(parts: list[Part], pose: Pose2) -> list[Part]:
-    return [
-        Part(part.mesh.placed(pose), part.colour, part.reflectance, part.gloss, part.glass)
-        for part in parts
-    ]
+    return [part.of(part.mesh.placed(pose)) for part in parts]
 
 
 def _neighbour(
@@ -152,11 +169,21 @@ def _room(
     return bounds, frame
 
 
-def _walls(scenario: Scenario, room: Floats, frame: Pose2, rng: np.random.Generator) -> list[Part]:
+def _walls(
+    scenario: Scenario,
+    room: Floats,
+    frame: Pose2,
+    waves: Waves | None,
+    rng: np.random.Generator,
+) -> list[Part]:
     xmin, ymin, xmax, ymax = (float(value) for value in room)
     corners = np.array([[xmin, ymin], [xmax, ymin], [xmax, ymax], [xmin, ymax]])
     beyond = np.array([[-4.0, -4.0], [4.0, -4.0], [4.0, 4.0], [-4.0, 4.0]])
-    parts = [Part(prism(corners + beyond, -0.1, 0.0), (0.62, 0.6, 0.56))]
+    outline = corners + beyond
+    floor = prism(outline, -0.1, 0.0).placed(frame)
+    if waves:
+        floor = wavy_floor(waves, outline[0], outline[2], frame)
+    parts: list[Part] = []
     glass_side = int(rng.integers(4)) if scenario.surroundings.glass else -1
     if scenario.surroundings.against_wall and glass_side == 2:
         glass_side = 0
@@ -186,7 +213,7 @@ def _walls(scenario: Scenario, room: Floats, frame: Pose2, rng: np.random.Genera
                 parts.append(
                     Part(box(size, 0.16, 0.0, _WALL_HEIGHT).placed(pillar), (0.8, 0.78, 0.74))
                 )
-    return _moved(parts, frame)
+    return [Part(floor, (0.62, 0.6, 0.56)), *_moved(parts, frame)]
 
 
 def _along_walls(
