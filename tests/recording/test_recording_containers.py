@@ -232,5 +232,5 @@ def test_idl_schemas_as_rosbag2_joins_them(tmp_path: Path) -> None:
         writer.finish()
     with open_recording(path) as recording:
         assert recording.roles.laser is not None
-        assert recording.roles.laser.channel.schema_encoding == "ros2idl"
+        assert recording.roles.laser.channels[0].schema_encoding == "ros2idl"
         check_drive(recording)
