@@ -12,7 +12,7 @@ from tablemap.recording.decoding import TRANSFORMS, Decoder, DecodingError
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
 from tablemap.recording.raw import Source
 from tablemap.recording.tf.frames import TransformCollector, TransformTree
-from tablemap.recording.topics import Roles, Topic, decoders_of
+from tablemap.recording.topics import Roles, Topic, decoders_of, implied_transforms
 
 Stamps = NDArray[np.int64]
 
@@ -98,6 +98,8 @@ class Channels:
         stamped: dict[str, list[tuple[int, int]]] = {}
         others: dict[str, list[str]] = {}
         collector = TransformCollector()
+        for transform in implied_transforms(self._roles):
+            collector.add(transform)
         for raw in self._source.messages(self._decoders):
             decoder = self._decoders[raw.channel_id]
             try:
@@ -109,7 +111,7 @@ class Channels:
                     continue
                 topic = topic_of[raw.channel_id]
                 stamp_ns, frame_id = decoder.header(raw)
-                if frame_id == topic.frame_id:
+                if frame_id in topic.recorded_frames:
                     stamped.setdefault(topic.name, []).append((stamp_ns, raw.log_time_ns))
                 else:
                     others.setdefault(topic.name, []).append(frame_id)

@@ -22,8 +22,10 @@ from mcap.records import Schema
 from mcap_protobuf.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
+from tablemap.recording.clouds import depth_of_cloud
 from tablemap.recording.messages import (
     CameraInfo,
+    CloudImage,
     CompressedImage,
     Image,
     LaserScan,
@@ -36,11 +38,12 @@ from tablemap.recording.tf.messages import direct_reader
 
 Message = Image | CompressedImage | CameraInfo | LaserScan | tuple[TransformStamped, ...]
 
-IMAGE, COMPRESSED, CALIBRATION, LASER, TRANSFORMS = (
+IMAGE, COMPRESSED, CALIBRATION, LASER, POINTS, TRANSFORMS = (
     "image",
     "compressed image",
     "calibration",
     "laser scan",
+    "point cloud",
     "transforms",
 )
 
@@ -49,12 +52,14 @@ _KINDS = {
     "sensor_msgs/CompressedImage": COMPRESSED,
     "sensor_msgs/CameraInfo": CALIBRATION,
     "sensor_msgs/LaserScan": LASER,
+    "sensor_msgs/PointCloud2": POINTS,
     "tf2_msgs/TFMessage": TRANSFORMS,
     "tf/tfMessage": TRANSFORMS,
     "foxglove/RawImage": IMAGE,
     "foxglove/CompressedImage": COMPRESSED,
     "foxglove/CameraCalibration": CALIBRATION,
     "foxglove/LaserScan": LASER,
+    "foxglove/PointCloud": POINTS,
     "foxglove/FrameTransform": TRANSFORMS,
     "foxglove/FrameTransforms": TRANSFORMS,
 }
@@ -274,6 +279,46 @@ def _laser(message: Any, log_ns: int) -> LaserScan:
     )
 
 
+def _cloud(message: Any, log_ns: int) -> CloudImage:
+    stamp_ns, frame_id = _header(message, log_ns)
+    data = _bytes(message.data)
+    if hasattr(message, "point_stride"):  # Foxglove's
+        if not _is_identity(getattr(message, "pose", None)):
+            raise DecodingError("is a point cloud that lies apart from its frame's origin")
+        fields = [(str(f.name), int(f.offset), int(f.type)) for f in message.fields]
+        stride = max(int(message.point_stride), 1)
+        count = len(data) // stride
+        strides, width, is_bigendian = (count * stride, stride), None, False
+    else:
+        fields = [(str(f.name), int(f.offset), int(f.datatype)) for f in message.fields]
+        width, count = int(message.width), int(message.width) * int(message.height)
+        strides = int(message.row_step), int(message.point_step)
+        is_bigendian = bool(message.is_bigendian)
+    cloud = depth_of_cloud(
+        fields, data, count=count, strides=strides, width=width, is_bigendian=is_bigendian
+    )
+    height, width = cloud.depth.shape
+    return CloudImage(
+        stamp_ns,
+        f"{frame_id}_optical_axes" if cloud.is_body else frame_id,
+        height,
+        width,
+        "32FC1",
+        False,
+        4 * width,
+        cloud.depth.tobytes(),
+        cloud.k,
+        frame_id if cloud.is_body else None,
+    )
+
+
+def _is_identity(pose: Any) -> bool:
+    if pose is None or not (hasattr(pose, "position") and hasattr(pose, "orientation")):
+        return True
+    moved = [*_xyz(pose.position), *_xyzw(pose.orientation)[:3]]
+    return max(map(abs, moved)) < 1e-9
+
+
 def _yaw_of_pose(pose: Any) -> float:
     """Return the turn of a scan's own pose in its frame, which must be a turn alone."""
     if pose is None or not (hasattr(pose, "position") and hasattr(pose, "orientation")):
@@ -319,6 +364,7 @@ _CONVERTERS: dict[str, Convert] = {
     COMPRESSED: _compressed,
     CALIBRATION: _calibration,
     LASER: _laser,
+    POINTS: _cloud,
 }
 
 

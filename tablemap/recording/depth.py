@@ -37,7 +37,7 @@ def depth_encoding(message: Image | CompressedImage) -> str | None:
     if "16uc1" in declared or "mono16" in declared:
         return "16UC1"
     data = bytes(message.data[:40])
-    if "compresseddepth" in declared or data[12:20] == _PNG:
+    if "compresseddepth" in declared or "rvl" in declared or data[12:20] == _PNG:
         quantised = len(data) >= _HEADER.size and _HEADER.unpack_from(data)[1] != 0.0
         return "32FC1" if quantised else "16UC1"
     if data[:8] == _PNG and data[24:26] == b"\x10\x00":  # 16 bits, grey

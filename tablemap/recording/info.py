@@ -26,6 +26,7 @@ from tablemap.recording.topics import (
     camera_frame,
     decoders_of,
     find_roles,
+    implied_transforms,
     list_topics,
     missing_roles,
 )
@@ -209,6 +210,8 @@ def _sampled_tree(source: Source, roles: Roles) -> tuple[TransformTree, bool]:
             decoders |= decoders_of(topic.channels)[0]
     static = {id for id, decoder in decoders.items() if "static" in decoder.channel.topic}
     collector = TransformCollector()
+    for transform in implied_transforms(roles):
+        collector.add(transform)
     sampled = False
     for channels in (static, decoders.keys() - static):
         messages, are_all = source.sample(channels, most=_MOST_PLACES)

@@ -27,6 +27,34 @@ class Image:
 
 
 @dataclass(frozen=True, eq=False)
+class CloudImage(Image):
+    """The depth image (32FC1) that an organised point cloud was made of, and its pinhole.
+
+    ``k``: (3, 3) float64. ``body_frame`` is the cloud's own frame where that has a body's axes (x
+    forward); ``frame_id`` then names the optical frame in the same place.
+    """
+
+    k: NDArray[np.float64]
+    body_frame: str | None
+
+    @property
+    def calibration(self) -> CameraInfo:
+        """The pinhole as a calibration."""
+        nothing = np.zeros(0)
+        return CameraInfo(
+            self.stamp_ns,
+            self.frame_id,
+            self.height,
+            self.width,
+            "",
+            nothing,
+            self.k,
+            np.eye(3),
+            np.zeros((3, 4)),
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class CompressedImage:
     """An encoded image; ``format`` as recorded, for example ``16UC1; compressedDepth png``."""
 

@@ -12,11 +12,12 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from tablemap.config import TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.recording.decoding import (
+    CALIBRATION,
     TRANSFORMS,
     Decoder,
     DecodingError,
@@ -24,7 +25,14 @@ from tablemap.recording.decoding import (
     kind_of,
 )
 from tablemap.recording.depth import depth_encoding, is_lossless
-from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
+from tablemap.recording.messages import (
+    CameraInfo,
+    CloudImage,
+    CompressedImage,
+    Image,
+    LaserScan,
+    TransformStamped,
+)
 from tablemap.recording.raw import Channel, Source
 
 _NO_DEPTH = {
@@ -35,6 +43,7 @@ _SHOWN = {
     *("depth", "rgb", "color", "colour", "ir", "infra", "infra1", "infra2", "infrared", "stereo"),
     *("left", "right", "image", "raw", "rect", "registered", "unregistered", "aligned", "to", "hw"),
     *("sw", "compresseddepth", "compressed", "rvl", "calibration", "confidence", "info", "mono"),
+    *("points", "points2", "cloud", "pointcloud", "xyz", "xyzrgb"),
 }
 _TRANSPORTS = ("compressedDepth", "compressed", "rvl", "theora", "zstd")
 _COLOURS = ("rgb", "bgr", "mono8", "8uc3", "8uc4", "bayer", "yuv", "uyvy", "yuyv", "nv12", "nv21")
@@ -64,6 +73,12 @@ class Topic:
     def frame_id(self) -> str:
         """The frame of the first message, empty for transforms."""
         return "" if self.first is None or isinstance(self.first, tuple) else self.first.frame_id
+
+    @property
+    def recorded_frames(self) -> tuple[str, ...]:
+        """The frames that its messages' headers may name: of a body's points, the body."""
+        body = self.first.body_frame if isinstance(self.first, CloudImage) else None
+        return (self.frame_id,) if body is None else (self.frame_id, body)
 
     @property
     def words(self) -> set[str]:
@@ -167,6 +182,8 @@ def find_roles(
         return Roles(None, None, None, laser or _laser(topics, warnings), _tf(topics)), warnings
 
     calibration = given("calibration", config.calibration, lambda topic: topic in calibrations)
+    if calibration is None and isinstance(depth.first, CloudImage):
+        calibration = replace(depth, kind=CALIBRATION, first=depth.first.calibration)
     if calibration is None and calibrations:
         calibration = min(calibrations, key=lambda topic: _calibration_rank(topic, depth))
         if _calibration_rank(calibration, depth)[0] >= _SAME_CAMERA:
@@ -212,14 +229,16 @@ def shows_colour(topic: Topic) -> bool:
 def _depth_rank(topic: Topic, calibrations: Sequence[Topic], most: int) -> tuple[object, ...]:
     """Rank depth topics, best first.
 
-    With a calibration of its own; called depth; registered to colour; a head's, not a hand's;
-    complete; rectified; as the camera gave it; not encoded; then by name.
+    With a calibration of its own; an image, not a cloud; called depth; registered to colour; a
+    head's, not a hand's; complete; rectified; as the camera gave it; not encoded; then by name.
     """
     name = topic.name.lower()
     best = min((_calibration_rank(c, topic)[0] for c in calibrations), default=_UNRELATED)
     assert isinstance(topic.first, Image | CompressedImage)
+    is_cloud = isinstance(topic.first, CloudImage)
     return (
-        best == _UNRELATED,
+        best == _UNRELATED and not is_cloud,
+        is_cloud,
         "depth" not in name,
         not ("registered" in name or "aligned" in name),
         "head" not in name,
@@ -352,9 +371,19 @@ def camera_frame(roles: Roles, frames: Collection[str]) -> str:
     return calibrated if calibrated and own not in frames and calibrated in frames else own
 
 
+def implied_transforms(roles: Roles) -> tuple[TransformStamped, ...]:
+    """Return the poses that follow from the messages: a body's camera looks along its x axis."""
+    first = roles.depth.first if roles.depth is not None else None
+    if not isinstance(first, CloudImage) or first.body_frame is None:
+        return ()
+    nowhere, turn = (0.0, 0.0, 0.0), (-0.5, 0.5, -0.5, 0.5)
+    return (
+        TransformStamped(first.stamp_ns, first.body_frame, first.frame_id, nowhere, turn, True),
+    )
+
+
 def missing_roles(source: Source, roles: Roles, topics: Sequence[Topic]) -> list[str]:
     """Return what processing would lack, a sentence each with what to do."""
-    schemas = {channel.schema_name for channel in source.channels.values()}
     listed = ", ".join(
         f"{channel.topic} ({channel.schema_name or channel.message_encoding})"
         for channel in sorted(source.channels.values(), key=lambda each: each.topic)
@@ -363,12 +392,10 @@ def missing_roles(source: Source, roles: Roles, topics: Sequence[Topic]) -> list
     missing = []
     if roles.depth is None:
         problems = [f"{t.name} {t.problem}" for t in topics if t.problem and t.kind != TRANSFORMS]
-        if any("PointCloud" in name for name in schemas):
-            advice = "a point cloud alone is not read: record the depth image that it was made of"
-        elif problems:
+        if problems:
             advice = f"of its topics, {'; '.join(problems)}"
         else:
-            advice = "record the camera's depth topic (16UC1, 32FC1 or compressedDepth)"
+            advice = "record the camera's depth topic (16UC1, 32FC1, compressedDepth)"
         missing.append(f"No topic with depth images was found; {advice}; {has}.")
     if roles.calibration is None:
         missing.append(

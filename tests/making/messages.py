@@ -44,6 +44,14 @@ def millimetres() -> np.ndarray[Any, Any]:
     return np.nan_to_num(np.round(plane() * 1000)).astype(np.uint16)
 
 
+def cloud() -> np.ndarray[Any, Any]:
+    """Return the plane as (height, width, 3) float32 points in the optical frame."""
+    depth = plane().astype(float)
+    v, u = np.mgrid[:HEIGHT, :WIDTH]
+    points = [(u - K[2]) / K[0] * depth, (v - K[5]) / K[4] * depth, depth]
+    return np.stack(points, axis=-1).astype(np.float32)
+
+
 def png(values: np.ndarray[Any, Any]) -> bytes:
     """Encode as PNG."""
     buffer = io.BytesIO()
@@ -153,6 +161,39 @@ class RosRecorder:
         )
         self.write(topic, "sensor_msgs/msg/Image", message, log_ns or stamp_ns)
 
+    def points(
+        self,
+        topic: str,
+        stamp_ns: int,
+        cloud: np.ndarray[Any, Any],
+        *,
+        frame: str = CAMERA,
+        is_bigendian: bool = False,
+        padding: int = 0,
+    ) -> None:
+        """Write a (height, width, 3) cloud, each point beside a colour, rows padded by bytes."""
+        order = ">" if is_bigendian else "<"
+        layout = np.dtype({"names": ["colour", *"xyz"], "formats": ["u4", *[f"{order}f4"] * 3]})
+        points = np.zeros(cloud.shape[:2], layout)
+        for axis, name in enumerate("xyz"):
+            points[name] = cloud[..., axis]
+        raw = np.frombuffer(points.tobytes(), np.uint8).reshape(len(points), -1)
+        raw = np.pad(raw, ((0, 0), (0, padding)), constant_values=17)
+        field = self.type("sensor_msgs/msg/PointField")
+        names = enumerate(("rgb", *"xyz"))
+        message = self.type("sensor_msgs/msg/PointCloud2")(
+            header=self.header(stamp_ns, frame),
+            height=points.shape[0],
+            width=points.shape[1],
+            fields=[field(name=n, offset=4 * i, datatype=7, count=1) for i, n in names],
+            is_bigendian=is_bigendian,
+            point_step=layout.itemsize,
+            row_step=raw.shape[1],
+            data=raw.ravel(),
+            is_dense=False,
+        )
+        self.write(topic, "sensor_msgs/msg/PointCloud2", message, stamp_ns)
+
     def compressed(
         self, topic: str, stamp_ns: int, data: bytes, format: str, *, frame: str = CAMERA
     ) -> None:
@@ -170,6 +211,7 @@ class RosRecorder:
         stamp_ns: int,
         *,
         k: list[float] = K,
+        p: list[float] | None = None,
         d: tuple[float, ...] = (),
         size: tuple[int, int] = (WIDTH, HEIGHT),
         frame: str = CAMERA,
@@ -183,7 +225,7 @@ class RosRecorder:
             "d": np.array(d, float),
             "k": np.array(k, float),
             "r": np.eye(3).ravel(),
-            "p": np.array([*k[:3], 0, *k[3:6], 0, *k[6:], 0], float),
+            "p": np.array(p or [*k[:3], 0, *k[3:6], 0, *k[6:], 0], float),
         }
         if self.version == 1:
             arrays = {name.upper(): values for name, values in arrays.items()}

@@ -17,6 +17,7 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Rosbag2Writer
 
+from tablemap.errors import RecordingError
 from tablemap.recording import inspect, open_recording
 from tablemap.recording.decoding import Decoder, DecodingError
 from tablemap.recording.mcap.container import Container
@@ -56,6 +57,124 @@ def encoded(name: str) -> Callable[[w.RosRecorder, int], None]:
             packed, t, quantised + size + w.rvl(inverse), "32FC1; compressedDepth rvl"
         ),
     }[name]
+
+
+RVL_FORMATS = (
+    *("16UC1; compressedDepth rvl", "16UC1; compressedDepth", "16UC1;compressedDepth RVL"),
+    *("mono16; compressedDepth rvl", "compressedDepth rvl", "compressedDepth", "16UC1; rvl", "rvl"),
+)
+
+
+@pytest.mark.parametrize("format", RVL_FORMATS)
+@pytest.mark.parametrize("quantised", [False, True])
+def test_rvl_is_told_by_its_bytes_however_the_format_is_spelled(
+    tmp_path: Path, format: str, quantised: bool
+) -> None:
+    """Transports and their versions differ in what they call it; a few leave the type out."""
+    a, b = 100.0 * 101, 1 - 100.0 * 101 / 10.0
+    inverse = np.where(np.isnan(w.plane()), 0, np.round(a / w.plane() + b)).astype(np.uint16)
+    header = struct.pack("<iffII", 0, a * quantised, b * quantised, w.WIDTH, w.HEIGHT)
+    data = header + w.rvl(inverse if quantised else w.millimetres())
+    for old in ("16UC1", "mono16") if quantised else ():
+        format = format.replace(old, "32FC1")
+    path = tmp_path / "drive.mcap"
+    w.write_drive(path, depth=lambda r, t: r.compressed(f"{w.PREFIX}/image/rvl", t, data, format))
+    with open_recording(path) as recording:
+        check_drive(recording, depth_tolerance=1e-3 if quantised else 1e-6)
+
+
+@pytest.mark.parametrize("version", [1, 2])
+@pytest.mark.parametrize("name", ["image_rect", "image_rect_raw", "image_rectified"])
+def test_rectified_image_has_the_matrix_of_p(tmp_path: Path, version: int, name: str) -> None:
+    """K and D are those of the lens, which the rectified image has no more."""
+    lens = [81.0, 0, 44.0, 0, 83.0, 27.0, 0, 0, 1]
+    pinhole = [*w.K[:3], -3.5, *w.K[3:6], 0, *w.K[6:], 0]  # of a stereo pair's right camera
+    path = tmp_path / "drive.mcap"
+    w.write_drive(
+        path,
+        version=version,
+        calibration=lambda r, t: r.camera_info(
+            f"{w.PREFIX}/camera_info", t, k=lens, p=pinhole, d=(-0.2, 0.05, 0.0, 0.0, 0.0)
+        ),
+        depth=lambda r, t: r.image(f"{w.PREFIX}/{name}", t, w.millimetres(), "16UC1"),
+    )
+    with open_recording(path) as recording:
+        check_drive(recording)
+
+
+OPTICAL_FROM_BODY = np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]])
+UNCALIBRATED: dict[str, Any] = {"calibration": lambda recorder, stamp_ns: None}
+
+
+@pytest.mark.parametrize("version", [1, 2])
+@pytest.mark.parametrize("options", [{}, {"padding": 8}, {"is_bigendian": True}])
+def test_organised_cloud_alone_is_an_image(
+    tmp_path: Path, version: int, options: dict[str, Any]
+) -> None:
+    """The points give the pinhole that they were made with, so that no calibration is needed."""
+    path = tmp_path / "drive.mcap"
+    w.write_drive(
+        path,
+        version=version,
+        depth=lambda r, t: r.points("/camera/depth_registered/points", t, w.cloud(), **options),
+        **UNCALIBRATED,
+    )
+    assert not inspect(path).missing
+    with open_recording(path) as recording:
+        check_drive(recording)
+
+
+def test_cloud_in_a_body_frame_looks_along_its_x_axis(tmp_path: Path) -> None:
+    """Some drivers publish points forward, left and up, in the camera's link."""
+    path = tmp_path / "drive.mcap"
+    body = w.cloud() @ OPTICAL_FROM_BODY.astype(np.float32)
+
+    def depth(recorder: w.RosRecorder, stamp_ns: int) -> None:
+        mount = [("base_link", "camera_link", (0.1, 0.0, w.CAMERA_HEIGHT), w.LEVEL)]
+        recorder.transforms(stamp_ns, mount, topic="/tf_static")
+        recorder.points("/camera/points", stamp_ns, body, frame="camera_link")
+
+    w.write_drive(path, depth=depth, **UNCALIBRATED)
+    assert not inspect(path).missing
+    with open_recording(path) as recording:
+        assert recording.names.camera == "camera_link_optical_axes"
+        frame = next(recording.depth_frames())
+        assert np.nanmax(np.abs(frame.depth - w.plane())) < 1e-6
+        assert np.allclose(frame.base_from_camera[:3, 2], [1, 0, 0], atol=1e-9)
+        assert np.allclose(frame.base_from_camera[:3, 3], [0.1, 0, w.CAMERA_HEIGHT])
+
+
+def test_image_goes_before_the_cloud_that_was_made_of_it(tmp_path: Path) -> None:
+    """Both are recorded: the image is taken, as it was without the cloud, and nothing is said."""
+    path = tmp_path / "drive.mcap"
+
+    def depth(recorder: w.RosRecorder, stamp_ns: int) -> None:
+        recorder.points(f"{w.PREFIX}/points", stamp_ns, w.cloud())
+        w.raw_depth(recorder, stamp_ns)
+
+    w.write_drive(path, depth=depth)
+    with open_recording(path) as recording:
+        assert recording.roles.depth is not None
+        assert recording.roles.depth.name == f"{w.PREFIX}/image_rect_raw"
+        check_drive(recording)
+
+
+@pytest.mark.parametrize("kind", ["turned", "unorganised", "lidar"])
+def test_cloud_that_is_no_cameras_is_refused(tmp_path: Path, kind: str) -> None:
+    """Points in another frame than the camera's, without rows, or of a turning lidar."""
+    path = tmp_path / "drive.mcap"
+    cloud = w.cloud()
+    if kind == "turned":
+        cloud = cloud @ np.array([[0.8, 0, 0.6], [0, 1, 0], [-0.6, 0, 0.8]], np.float32) + 0.2
+    elif kind == "unorganised":
+        cloud = cloud.reshape(1, -1, 3)
+    else:
+        azimuth, elevation = np.meshgrid(np.linspace(-3, 3, 512), np.linspace(-0.3, 0.3, 16))
+        ray = [np.cos(azimuth), np.sin(azimuth), np.tan(elevation)]
+        cloud = 3.0 * np.stack(ray, axis=-1).astype(np.float32)
+    w.write_drive(path, depth=lambda r, t: r.points("/points", t, cloud), **UNCALIBRATED)
+    with pytest.raises(RecordingError, match=r"/points cannot be decoded \(a point cloud"):
+        open_recording(path)
 
 
 ENCODINGS = (
@@ -103,10 +222,11 @@ def test_rosbag2_writer(tmp_path: Path) -> None:
         check_drive(recording)
 
 
-def _foxglove_drive(path: Path, *, as_png: bool) -> None:
+def _foxglove_drive(path: Path, *, form: str) -> None:
     context = foxglove.Context()
     image = fc.RawImageChannel("/camera/depth/image", context=context)
     encoded = fc.CompressedImageChannel("/camera/depth/image", context=context)
+    points = fc.PointCloudChannel("/camera/depth/points", context=context)
     calibration = fc.CameraCalibrationChannel("/camera/depth/calibration", context=context)
     scan = fc.LaserScanChannel("/scan", context=context)
     tree = fc.FrameTransformsChannel("/tf", context=context)
@@ -154,13 +274,28 @@ def _foxglove_drive(path: Path, *, as_png: bool) -> None:
                 ),
                 log_time=now,
             )
-            if as_png:
+            if form == "png":
                 encoded.log(
                     fm.CompressedImage(
                         timestamp=stamp,
                         frame_id=w.CAMERA,
                         data=w.png(w.millimetres()),
                         format="png",
+                    ),
+                    log_time=now,
+                )
+            elif form == "cloud":
+                number = fm.PackedElementFieldNumericType.Float32
+                points.log(
+                    fm.PointCloud(
+                        timestamp=stamp,
+                        frame_id=w.CAMERA,
+                        point_stride=12,
+                        fields=[
+                            fm.PackedElementField(name=name, offset=4 * place, type=number)
+                            for place, name in enumerate("xyz")
+                        ],
+                        data=w.cloud().tobytes(),
                     ),
                     log_time=now,
                 )
@@ -179,11 +314,11 @@ def _foxglove_drive(path: Path, *, as_png: bool) -> None:
                 )
 
 
-@pytest.mark.parametrize("as_png", [False, True])
-def test_foxglove_protobuf(tmp_path: Path, as_png: bool) -> None:
-    """Foxglove's own writer and messages are read, as raw image and as PNG."""
+@pytest.mark.parametrize("form", ["raw", "png", "cloud"])
+def test_foxglove_protobuf(tmp_path: Path, form: str) -> None:
+    """Foxglove's own writer and messages are read, as raw image, as PNG and as organised points."""
     path = tmp_path / "drive.mcap"
-    _foxglove_drive(path, as_png=as_png)
+    _foxglove_drive(path, form=form)
     assert not inspect(path).missing
     with open_recording(path) as recording:
         check_drive(recording)
