@@ -1,6 +1,8 @@
 """A robot's log of a drive round a table becomes a model of that table.
 
-The public names load lazily, so that importing ``tablemap`` costs nothing.
+Paths may be ``str`` or ``os.PathLike``; a run may be given as its path or as a `RunFolder`. What is
+wrong is a `TablemapError`. Lengths are metres, angles radians, times integer nanoseconds; frames
+follow REP 103 and 105. The public names load lazily, so that importing ``tablemap`` costs nothing.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from typing import TYPE_CHECKING
 from tablemap.version import __version__
 
 if TYPE_CHECKING:
-    from tablemap.archive import load_run
+    from tablemap.archive import RunFolder, load_run
     from tablemap.archive.comparison import compare
     from tablemap.archive.index import list_runs
     from tablemap.config import Config, load_config
@@ -19,12 +21,15 @@ if TYPE_CHECKING:
     from tablemap.export import export_model, export_run
     from tablemap.model import TableModel
     from tablemap.pipeline import process
-    from tablemap.recording import inspect, open_recording
-    from tablemap.runs.running import reprocess, run
+    from tablemap.recording import Recording, inspect, open_recording
+    from tablemap.runs.running import Outcome, reprocess, run
     from tablemap.runs.verification import verify
 
 _HOMES = {
     "Config": "tablemap.config",
+    "Outcome": "tablemap.runs.running",
+    "Recording": "tablemap.recording",
+    "RunFolder": "tablemap.archive",
     "TableModel": "tablemap.model",
     "TablemapError": "tablemap.errors",
     "compare": "tablemap.archive.comparison",
@@ -43,6 +48,9 @@ _HOMES = {
 
 __all__ = [
     "Config",
+    "Outcome",
+    "Recording",
+    "RunFolder",
     "TableModel",
     "TablemapError",
     "__version__",

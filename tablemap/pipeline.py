@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from typing import Literal
@@ -12,7 +13,7 @@ from typing import Literal
 from threadpoolctl import threadpool_limits
 
 from tablemap.config import Config
-from tablemap.errors import EstimationError
+from tablemap.errors import ConfigError, EstimationError
 from tablemap.events import OtherTable, Record, StageFinished, StageStarted, ignore, of_table
 from tablemap.model import TableModel
 from tablemap.recording import Recording
@@ -54,16 +55,34 @@ class Processed:
 
 
 def process(
-    recording: Recording, *, config: Config, tables: Tables = "best", record: Record = ignore
+    recording: Recording,
+    *,
+    config: Config | None = None,
+    tables: Tables = "best",
+    record: Record = ignore,
 ) -> Processed:
     """Turn a recording into the model of its table.
 
+    ``tables`` is ``best``, ``all``, or a place (x, y) in the map, metres: the table nearest to it.
     Every result and intermediate step goes to ``record`` as it arises. Raises `RecordingError` or
-    `EstimationError` where there is no model to be had.
+    `EstimationError` where there is no model to be had, and `ConfigError` for no such tables.
     """
     # One thread: faster round small solves, and the same sums in the same order on every run.
     with threadpool_limits(limits=1):
-        return _process(recording, config, tables, record)
+        return _process(recording, config or Config(), check_tables(tables), record)
+
+
+def check_tables(tables: Tables) -> Tables:
+    """Return which tables are asked for. Raises `ConfigError` for what is no such choice."""
+    if isinstance(tables, str):
+        if tables in ("best", "all"):
+            return tables
+    else:
+        with suppress(TypeError, ValueError):
+            x, y = map(float, tables)
+            if math.isfinite(x) and math.isfinite(y):
+                return x, y
+    raise ConfigError(f"expected best, all or a place (x, y) in metres; found {tables!r}.")
 
 
 def _process(recording: Recording, config: Config, tables: Tables, record: Record) -> Processed:

@@ -7,9 +7,11 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from tablemap.archive.folder import load_model
 from tablemap.geometry import wrap_angle
 from tablemap.model import Figure, TableLeg, TableModel
 from tablemap.model.shapes import shape_named
+from tablemap.paths import AnyPath
 
 SAME_LEG = 0.25
 """Legs farther apart than this (metres) are not the same."""
@@ -61,8 +63,13 @@ class Comparison:
         }
 
 
-def compare(a: TableModel, b: TableModel) -> Comparison:
-    """Compare two models; legs are paired by place, as far as both stand in one frame."""
+def compare(a: TableModel | AnyPath, b: TableModel | AnyPath) -> Comparison:
+    """Compare two models, each given as such, as a run or as a ``table.json``.
+
+    Legs are paired by place, as far as both models stand in one frame. Raises `TablemapError`
+    where a model cannot be read.
+    """
+    a, b = load_model(a), load_model(b)
     top_a, top_b = a.surface, b.surface
     words = [
         ("shape", top_a.shape, top_b.shape),

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from xml.sax.saxutils import escape
 
 from tablemap.errors import TablemapError
 from tablemap.model import TableLeg, TableModel
 from tablemap.model.shapes import shape_named
+from tablemap.paths import AnyPath, as_path
 
 COLOURS = ("#1f6fb4", "#d1581b")
 MARGIN = 0.25  # metres round both tables
@@ -17,11 +17,12 @@ LEG_WITHOUT_SIZE = 0.04
 STEPS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 
 
-def write_drawing(file: Path, a: TableModel, b: TableModel, *, names: tuple[str, str]) -> None:
+def write_drawing(file: AnyPath, a: TableModel, b: TableModel, *, names: tuple[str, str]) -> None:
     """Write `draw_both` into ``file``, and make its folder.
 
     Raises `TablemapError` where that cannot be.
     """
+    file = as_path(file)
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(draw_both(a, b, names=names), encoding="utf-8")

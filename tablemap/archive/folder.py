@@ -15,11 +15,12 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from tablemap.config import Config, load_config
 from tablemap.errors import TablemapError
 from tablemap.model import TableModel
+from tablemap.paths import AnyPath, as_path
 
 if TYPE_CHECKING:
     from tablemap.stages.odometry import Trajectory
@@ -77,12 +78,22 @@ class Manifest(BaseModel):
 class RunFolder:
     """A run's folder while the run writes it, or once it is done.
 
-    Raises `TablemapError` where the folder cannot be made or written.
+    It stands for its path wherever a path is asked for. What writes raises `TablemapError` where
+    the folder cannot be made or written.
+
+    ``path``: the folder, absolute where `load_run` has opened it.
+    ``manifest``: what was run on what, and how it ended.
     """
 
     def __init__(self, path: Path, manifest: Manifest) -> None:
         self.path = path
         self.manifest = manifest
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+    def __repr__(self) -> str:
+        return f"RunFolder({str(self.path)!r}, {self.manifest.status!r})"
 
     @staticmethod
     def create(
@@ -178,15 +189,19 @@ class RunFolder:
 
     @property
     def config(self) -> Config:
-        """Every setting of the run."""
+        """Every setting of the run. Raises `ConfigError` where its file is gone or damaged."""
         return load_config(self.path / "config.toml")
 
 
-def load_run(path: Path) -> RunFolder:
-    """Open a run folder, or the last finished run of a recording's folder.
+def load_run(run: AnyPath) -> RunFolder:
+    """Open a run folder, or of a recording's folder of runs the last that left a model.
 
-    Raises `TablemapError` where there is no run.
+    A file of a run stands for the run, and a run that is open already for itself. Raises
+    `TablemapError` where there is no run, or its manifest is damaged.
     """
+    if isinstance(run, RunFolder):
+        return run
+    path = as_path(run)
     folder = path if path.is_dir() else path.parent
     latest = folder / "latest"
     if not (folder / "manifest.json").is_file() and latest.is_symlink():
@@ -203,9 +218,27 @@ def load_run(path: Path) -> RunFolder:
             f"expected a run folder with a manifest.json, found none; give the path that "
             f"`tablemap process` printed: {path}"
         ) from error
-    except ValidationError as error:
+    except ValueError as error:
         raise TablemapError(f"the run's manifest is damaged: {folder / 'manifest.json'}") from error
     return RunFolder(folder.resolve(), manifest)
+
+
+def load_model(model: TableModel | AnyPath) -> TableModel:
+    """Return the model of a run, or of a ``table.json``; one that is given stands for itself.
+
+    Raises `TablemapError` where there is none, or the file is no table model.
+    """
+    if isinstance(model, TableModel):
+        return model
+    if names_model(model):
+        return TableModel.load(model)
+    return load_run(model).model
+
+
+def names_model(path: AnyPath) -> bool:
+    """Tell whether a path names a ``table.json``, or such a file of another name, and no run."""
+    file = as_path(path)
+    return file.suffix == ".json" and file.name != "manifest.json" and file.is_file()
 
 
 def trajectory_tum(trajectory: Trajectory) -> str:

@@ -19,6 +19,7 @@ from tablemap.archive.folder import load_run
 from tablemap.errors import TablemapError
 from tablemap.model import TableModel
 from tablemap.model.shapes import shape_named
+from tablemap.paths import AnyPath, as_path
 
 INDEX = ".index.json"
 SCHEMA = "tablemap/index/2"
@@ -52,13 +53,14 @@ class RunRow(NamedTuple):
         return self._asdict()
 
 
-def list_runs(folder: Path, *, index: Path | None = None) -> list[RunRow]:
+def list_runs(folder: AnyPath = "runs", *, index: AnyPath | None = None) -> list[RunRow]:
     """Return a row for each run under ``folder``, in the order of their paths.
 
     ``index`` (by default in the folder) is brought up to date where that is allowed. Raises
     `TablemapError` where there is no such folder.
     """
-    file = index or folder / INDEX
+    folder = as_path(folder)
+    file = folder / INDEX if index is None else as_path(index)
     held = _load(file)
     rows: dict[str, tuple[Stamp, RunRow]] = {}
     changed = False

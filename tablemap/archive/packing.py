@@ -7,7 +7,7 @@ import secrets
 import shutil
 import tarfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
@@ -16,6 +16,7 @@ import zstandard
 from tablemap.archive.folder import LEAVE_A_MODEL, RunFolder, load_run
 from tablemap.archive.verification import INPUT, check_files, find_input
 from tablemap.errors import TablemapError
+from tablemap.paths import AnyPath, as_path
 
 SUFFIX = ".tar.zst"
 MANIFEST = "manifest.json"
@@ -24,12 +25,17 @@ LEVEL = 6
 PIECE = 1 << 20
 
 
-def pack(run: RunFolder, target: Path, *, with_input: bool) -> Path:
-    """Write a finished run, and its recording on demand, into ``target``; bytes repeat.
+def pack(run: AnyPath, target: AnyPath | None = None, *, with_input: bool = False) -> Path:
+    """Write a finished run, and its recording on demand, into one file; bytes repeat.
 
-    ``target`` appears once it is whole, replacing what bore its name. Raises `TablemapError` where
-    the run is unfinished or no longer what was written, or where the file cannot be written.
+    ``target`` (by default RECORDING-RUN.tar.zst where one works) appears once it is whole,
+    replacing what bore its name. Raises `TablemapError` where the run is unfinished or no longer
+    what was written, or where the file cannot be written.
     """
+    run = load_run(run)
+    target = as_path(target or f"{run.path.parent.name}-{run.path.name}{SUFFIX}")
+    if not target.name:
+        raise TablemapError(f"expected the name of a file to pack into, found a folder: {target}")
     if run.manifest.status == "running":
         raise TablemapError(f"expected a finished run, found one that is running: {run.path}")
     _refuse_damage(run)
@@ -59,16 +65,18 @@ def pack(run: RunFolder, target: Path, *, with_input: bool) -> Path:
     except OSError as error:
         raise TablemapError(f"the run cannot be packed ({error.strerror}): {target}") from error
     finally:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
     return target
 
 
-def unpack(file: Path, output: Path) -> RunFolder:
+def unpack(file: AnyPath, output: AnyPath = "runs") -> RunFolder:
     """Bring a packed run back as ``output/<recording>/<run>``, checked before it bears that name.
 
     Raises `TablemapError` where the file is cut off, damaged, or no packed run, where a member
     would lie outside the run or not fit on the disk, or where the run is there already.
     """
+    file, output = as_path(file), as_path(output)
     room = output / f".unpacking-{secrets.token_hex(4)}"
     try:
         room.mkdir(parents=True)

@@ -13,6 +13,7 @@ from tablemap.archive.folder import LEAVE_A_MODEL, RunFolder, load_run
 from tablemap.archive.index import RunRow
 from tablemap.archive.selection import started
 from tablemap.errors import ConfigError, TablemapError
+from tablemap.paths import AnyPath, as_path
 
 HIDDEN = ".pruned-"
 
@@ -30,10 +31,12 @@ def to_prune(
     ``keep`` holds the newest runs of each recording, whatever their status. Runs that are
     ``running`` or ``damaged`` go only where ``status`` names it; one without a date counts as new.
 
-    Raises `ConfigError` where no criterion is given.
+    Raises `ConfigError` where no criterion is given, or ``keep`` is less than none.
     """
     if older_than is None and keep is None and not status:
         raise ConfigError("say which runs may go: by age, by status, or all but the newest.")
+    if keep is not None and keep < 0:
+        raise ConfigError(f"expected how many runs to keep, found {keep}.")
     by_recording: dict[str, list[RunRow]] = defaultdict(list)
     for row in sorted(rows, key=lambda row: (row.started, row.path), reverse=True):
         by_recording[row.recording].append(row)
@@ -45,30 +48,31 @@ def to_prune(
                 continue
             if not status and row.status in ("running", "damaged"):
                 continue
-            if older_than is not None and (begun is None or begun > now - older_than):
+            if older_than is not None and (begun is None or now - begun < older_than):
                 continue
             going.append(row)
     return sorted(going, key=lambda row: (row.started, row.path))
 
 
-def prune(folder: Path, rows: Sequence[RunRow]) -> None:
+def prune(folder: AnyPath, rows: Sequence[RunRow]) -> None:
     """Remove runs of ``folder``; ``latest`` then names the newest that is left with a model.
 
     All are hidden before the first is removed, so that one half removed is no run; what an earlier
     call left hidden goes too. Raises `TablemapError` where one cannot be removed.
     """
+    folder = as_path(folder)
     runs = [folder / row.path for row in rows]
     try:
         for run in runs:
             run.rename(run.with_name(f"{HIDDEN}{run.name}"))
         for hidden in folder.glob(f"*/{HIDDEN}*"):
             shutil.rmtree(hidden)
+        for recording in {row.recording for row in rows}:
+            _renew_latest(folder / recording)
     except OSError as error:
         raise TablemapError(
             f"a run cannot be removed ({error.strerror}): {error.filename}"
         ) from error
-    for recording in {row.recording for row in rows}:
-        _renew_latest(folder / recording)
 
 
 def _renew_latest(recording: Path) -> None:

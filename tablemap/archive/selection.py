@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import operator
 import re
 from collections.abc import Callable, Iterable, Sequence
@@ -90,20 +91,22 @@ def _within(row: RunRow, since: datetime | None, until: datetime | None) -> bool
 def _time(text: str, *, end: bool) -> datetime:
     try:
         when = datetime.fromisoformat(text)
-    except ValueError as error:
+        if when.tzinfo is None:
+            when = when.replace(tzinfo=UTC)
+        is_date = re.fullmatch(r"[\d-]+|\d{4}-?W\d\d.*", text) is not None
+        return when + timedelta(days=1) if end and is_date else when
+    except (ValueError, OverflowError) as error:
         raise ConfigError(
             f"expected a date such as 2026-05-31, or 2026-05-31T14:00; found {text!r}."
         ) from error
-    if when.tzinfo is None:
-        when = when.replace(tzinfo=UTC)
-    is_date = re.fullmatch(r"[\d-]+|\d{4}-?W\d\d.*", text) is not None
-    return when + timedelta(days=1) if end and is_date else when
 
 
 def _condition(text: str, names: set[str]) -> Callable[[RunRow], bool]:
     found = re.fullmatch(r"\s*(\w+)\s*(<=|>=|!=|<|>|=)\s*(\S+)\s*", text)
     try:
         name, sign, limit = found[1], OPERATORS[found[2]], float(found[3])  # type: ignore[index]
+        if math.isnan(limit):
+            raise ValueError("nothing compares with it")
     except (TypeError, ValueError) as error:
         raise ConfigError(f"expected a condition such as height<0.7, found {text!r}.") from error
     _check_name(name, names)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import tomli_w
@@ -14,6 +13,7 @@ from pydantic.fields import FieldInfo
 
 from tablemap.config.tree import Config
 from tablemap.errors import ConfigError
+from tablemap.paths import AnyPath, as_path
 
 RENAMED = {
     "calibration.camera_height_sigma": "sensors.camera_height_sigma",
@@ -88,8 +88,8 @@ RENAMED = {
 """What became of settings that are gone: their new names, or file and name of a constant."""
 
 
-def load_config(file: Path | None = None, *, overrides: Sequence[str] = ()) -> Config:
-    """Merge defaults, a TOML file and ``section.key=value`` settings into one validated tree.
+def load_config(file: AnyPath | None = None, *, overrides: Sequence[str] = ()) -> Config:
+    """Merge defaults, a TOML ``file`` and ``section.key=value`` ``overrides`` into one valid tree.
 
     A value is read as TOML and, where that fails, as text: ``topics.depth=/camera/depth`` needs no
     quotes. Raises `ConfigError` for what is unknown, with its new or the nearest name, or out of
@@ -98,10 +98,10 @@ def load_config(file: Path | None = None, *, overrides: Sequence[str] = ()) -> C
     tree: dict[str, Any] = {}
     if file is not None:
         try:
-            tree = tomllib.loads(file.read_text(encoding="utf-8"))
+            tree = tomllib.loads(as_path(file).read_text(encoding="utf-8"))
         except OSError as error:
             raise ConfigError(f"the config cannot be read ({error.strerror}): {file}") from error
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        except (ValueError, RecursionError) as error:
             raise ConfigError(f"the config is no TOML ({error}): {file}") from error
         old = [name for name in _names(tree) if name in RENAMED]
         if old:
@@ -136,7 +136,7 @@ def dump_config(config: Config) -> str:
 def _parse_value(text: str) -> object:
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         return text
 
 

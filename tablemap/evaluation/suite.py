@@ -21,6 +21,7 @@ from tablemap.evaluation.aggregate import RunScore, summarise
 from tablemap.evaluation.metrics import score
 from tablemap.evaluation.truth import Truth
 from tablemap.events import StageFinished
+from tablemap.paths import AnyPath
 from tablemap.version import __version__
 
 METHODS = ("tablemap", "report")
@@ -227,7 +228,7 @@ def _load(file: Path, key: str) -> RunScore | None:
         return None
 
 
-def score_run(run: Path, truth: Path | None) -> RunScore:
+def score_run(run: AnyPath, truth: AnyPath | None = None) -> RunScore:
     """Score a finished run folder against a truth file, by default the one beside its recording.
 
     Raises `TablemapError` where the run left no model or there is no truth.

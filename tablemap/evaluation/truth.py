@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict
 from tablemap.model import PlanarPose, Point
 from tablemap.model.documents import read_document
 from tablemap.model.shapes import SectionName, ShapeName
+from tablemap.paths import AnyPath
 
 SCHEMA = "tablemap/truth/1"
 
@@ -74,7 +75,7 @@ class Truth(Part):
     sensor: Sensor | None = None
 
     @staticmethod
-    def load(path: Path) -> Truth:
+    def load(path: AnyPath) -> Truth:
         """Read a truth file. Raises `TablemapError` where it is none."""
         return read_document(path, Truth, schema=SCHEMA, noun="truth")
 

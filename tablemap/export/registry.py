@@ -55,6 +55,7 @@ def all_formats() -> Mapping[str, Format]:
 def check_formats(names: Sequence[str]) -> tuple[Format, ...]:
     """Return the formats of these names, each once. Raises `ConfigError` where one is not known."""
     known = all_formats()
+    names = [names] if isinstance(names, str) else names
     for name in names:
         if name not in known:
             raise ConfigError(f"expected a format of {', '.join(known)}; found {name!r}.")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from tablemap.errors import ProcessWarning, TablemapError
 from tablemap.export.files import write_files
 from tablemap.export.registry import Format, check_formats
+from tablemap.paths import AnyPath, as_path
 
 if TYPE_CHECKING:
     from tablemap.config import ExportConfig
@@ -28,7 +29,7 @@ def export_model(
     model: TableModel,
     formats: Sequence[str],
     *,
-    output: Path,
+    output: AnyPath,
     config: ExportConfig | None = None,
     name: str = "table",
 ) -> Exported:
@@ -36,13 +37,16 @@ def export_model(
 
     ``name`` is what the object and its files are called. ``output`` may also be the file itself,
     where it ends as the one format does. Raises `ConfigError` for an unknown format and
-    `TablemapError` where the model cannot be exported or a file not be written.
+    `TablemapError` where the model cannot be exported, a file not be written, or ``name`` is no
+    name of a file.
     """
     from tablemap.config import ExportConfig
     from tablemap.export.building import build
 
-    chosen = check_formats(formats)
+    chosen, output = check_formats(formats), as_path(output)
     settings = config or ExportConfig()
+    if name in ("", ".", "..") or as_path(name).name != name:
+        raise TablemapError(f"expected a name for the table's files, found {name!r}.")
     if _is_file(output, chosen):
         solid, warnings = build(model, settings, name=output.stem)
         return Exported(write_files(output.parent, chosen[0].write(solid, settings)), warnings)
@@ -56,10 +60,10 @@ def export_model(
 
 
 def export_run(
-    run: Path,
+    run: AnyPath,
     formats: Sequence[str],
     *,
-    output: Path | None = None,
+    output: AnyPath | None = None,
     config: ExportConfig | None = None,
 ) -> Exported:
     """Write every table of a run folder, or one ``table.json``, in each format.
@@ -72,7 +76,7 @@ def export_run(
 
     chosen = check_formats(formats)
     folder, tables = _tables(run)
-    target = output or folder / "exports"
+    target = folder / "exports" if output is None else as_path(output)
     if _is_file(target, chosen):
         tables = dict(list(tables.items())[:1])
     models = {name: TableModel.load(file) for name, file in tables.items()}
@@ -93,20 +97,21 @@ def _is_file(output: Path, formats: tuple[Format, ...]) -> bool:
     )
 
 
-def _tables(run: Path) -> tuple[Path, dict[str, Path]]:
+def _tables(run: AnyPath) -> tuple[Path, dict[str, Path]]:
     """Return the folder that ``exports/`` goes to, and the files of models by their names."""
-    from tablemap.archive import load_run
+    from tablemap.archive.folder import load_run, names_model
 
-    if run.is_file() and run.suffix == ".json" and run.name != "manifest.json":
-        if run.parent.name == "tables":
-            return run.parent.parent, {f"table_{run.stem}": run}
-        return run.parent, {"table": run}
+    if names_model(run):
+        file = as_path(run)
+        if file.parent.name == "tables":
+            return file.parent.parent, {f"table_{file.stem}": file}
+        return file.parent, {"table": file}
     loaded = load_run(run)
     if not (loaded.path / "table.json").is_file():
         status, error = loaded.manifest.status, loaded.manifest.error
         raise TablemapError(
             f"expected a run with a table.json, found one that left no model ({status}"
-            f"{': ' + error if error else ''}); choose another run: {run}"
+            f"{': ' + error if error else ''}); choose another run: {loaded.path}"
         )
     others = sorted((loaded.path / "tables").glob("*.json"))
     return loaded.path, {

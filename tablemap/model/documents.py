@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from tablemap.errors import TablemapError
+from tablemap.paths import AnyPath, as_path
 
 Document = TypeVar("Document", bound=BaseModel)
 
 
-def read_document(file: Path, kind: type[Document], *, schema: str, noun: str) -> Document:
+def read_document(path: AnyPath, kind: type[Document], *, schema: str, noun: str) -> Document:
     """Read a file as `parse_document` does its text; errors end with the path."""
+    file = as_path(path)
     try:
         text = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
@@ -34,7 +35,7 @@ def parse_document(text: str, kind: type[Document], *, schema: str, noun: str) -
     """
     try:
         document = json.loads(text)
-    except json.JSONDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise TablemapError(f"expected a {noun} in JSON, found other text ({error}).") from error
     found = document.get("schema") if isinstance(document, dict) else None
     if found != schema:
@@ -45,6 +46,11 @@ def parse_document(text: str, kind: type[Document], *, schema: str, noun: str) -
     try:
         return kind.model_validate(document)
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise TablemapError(f"the {noun} is damaged at {where}: {first['msg']}.") from error
+        raise damage(error, noun) from error
+
+
+def damage(error: ValidationError, noun: str) -> TablemapError:
+    """Return what is said of the first thing that is wrong in a document."""
+    first = error.errors()[0]
+    where = ".".join(str(part) for part in first["loc"])
+    return TablemapError(f"the {noun} is damaged at {where}: {first['msg']}.")

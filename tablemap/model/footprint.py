@@ -9,13 +9,14 @@ computing bivariate normal probabilities, Ann. Math. Statist. 27, 1956).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import owens_t
 
+from tablemap.errors import TablemapError
 from tablemap.geometry import Floats, Pose2
 from tablemap.model import Edge, TableSurface
 
@@ -56,7 +57,12 @@ def probability_on_top(
 
     See `TableSurface.contains`.
     """
-    xs, ys = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
+    if frame not in get_args(Frame):
+        raise TablemapError(f"expected the frame 'map' or 'table', found {frame!r}.")
+    try:
+        xs, ys = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
+    except (TypeError, ValueError) as error:
+        raise TablemapError(f"expected x and y as numbers of one shape: {error}.") from error
     pose = Pose2(surface.pose.x, surface.pose.y, surface.pose.yaw)
     points = np.stack([xs.ravel(), ys.ravel()], axis=-1)
     if frame == "map":

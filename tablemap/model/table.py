@@ -8,27 +8,36 @@ from __future__ import annotations
 
 import json
 import math
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    ModelWrapValidatorHandler,
+    ValidationError,
+    model_validator,
+)
 from pydantic.functional_serializers import PlainSerializer
 
-from tablemap.model.documents import parse_document, read_document
+from tablemap.errors import TablemapError
+from tablemap.model.documents import damage, parse_document, read_document
 from tablemap.model.shapes import SectionName, ShapeName
+from tablemap.paths import AnyPath, as_path
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
 SCHEMA = "tablemap/table/1"
+NOUN = "table model"
 
 Status = Literal["measured", "inferred", "unseen"]
 Level = Literal["good", "doubtful", "failed"]
 
 
-def _finite(value: object) -> object:
-    if isinstance(value, float) and not math.isfinite(value):
+def _finite(value: float) -> float:
+    if not math.isfinite(value):
         raise ValueError("not finite")
     return value
 
@@ -41,10 +50,10 @@ def _significant(value: float) -> float:
     return float(f"{value:.9g}") + 0.0
 
 
-Number = Annotated[float, BeforeValidator(_finite), PlainSerializer(_micro, return_type=float)]
+Number = Annotated[float, AfterValidator(_finite), PlainSerializer(_micro, return_type=float)]
 """Metres, radians or a share, written to six decimals."""
 Variance = Annotated[
-    float, BeforeValidator(_finite), PlainSerializer(_significant, return_type=float)
+    float, AfterValidator(_finite), PlainSerializer(_significant, return_type=float)
 ]
 """An element of a covariance, written to nine significant digits."""
 Point = tuple[Number, Number]
@@ -118,11 +127,13 @@ class TableSurface(Part):
     ) -> NDArray[np.float64]:
         """Return the probability that points lie on the top, seen from above.
 
-        ``x`` and ``y`` are metres, numbers or arrays of one shape; so is what is returned. In
-        ``map`` (the model's own frame, whatever its name) the pose's covariance and the sides'
-        sigmas count; in ``table`` (origin at the pose, x along the length) the sides' alone: how
-        sure a robot can be that has just seen the table. NaN where it is not known: where a side
-        decides that was not seen, or that no sigma stands behind.
+        ``x`` and ``y`` are metres, numbers or arrays that broadcast; what is returned has their
+        common shape. In ``map`` (the model's own frame, whatever its name) the pose's covariance
+        and the sides' sigmas count. In ``table`` (origin at the pose, x along the length) the
+        sides' alone count: how sure a robot can be that has just seen the table. NaN where it is
+        not known: where a side decides that was not seen or that has no sigma, and for points that
+        are not finite. Raises `TablemapError` where ``x`` and ``y`` are no numbers, their shapes do
+        not fit, or there is no such frame.
         """
         from tablemap.model.footprint import probability_on_top
 
@@ -192,7 +203,19 @@ class CalibrationEntry(Part):
 
 
 class TableModel(Part):
-    """A table as a robot can use it. Metres and radians, in the recording's ``frame``."""
+    """A table as a robot can use it. Metres and radians, in the recording's ``frame``.
+
+    ``frame``: the map, or what the recording has as its fixed frame.
+    ``floor_z``: height of the floor in ``frame``; all other heights count from it.
+    ``surface``: the top: shape, pose, dimensions, outline, edges.
+    ``legs``: every leg that was found, or put by symmetry.
+    ``snapshots``: where the base stood, and which views were used.
+    ``calibration``: what the floor said about the camera; None without one.
+    ``verdict``: whether the model is to be trusted.
+    ``warnings``: what its reader must know.
+
+    Raises `TablemapError` where a part is missing or not as it should be.
+    """
 
     frame: str
     floor_z: Number
@@ -203,10 +226,26 @@ class TableModel(Part):
     verdict: Verdict
     warnings: tuple[WarningEntry, ...]
 
+    @model_validator(mode="wrap")
+    @classmethod
+    def _say_what_is_wrong(cls, parts: Any, validated: ModelWrapValidatorHandler[Self]) -> Self:
+        try:
+            return validated(parts)
+        except ValidationError as error:
+            raise damage(error, NOUN) from error
+
     def to_json(self) -> str:
-        """Return the text of ``table.json``."""
+        """Return the text of ``table.json``.
+
+        Raises `TablemapError` where a number is not finite.
+        """
         document = {"schema": SCHEMA, **self.model_dump(mode="json")}
-        return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        try:
+            return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        except ValueError as error:
+            raise TablemapError(
+                "expected finite numbers in the table model, found one that is not; JSON has none."
+            ) from error
 
     @staticmethod
     def from_json(text: str) -> TableModel:
@@ -214,13 +253,17 @@ class TableModel(Part):
 
         Raises `TablemapError` where the text is no table model, or one of a later schema.
         """
-        return parse_document(text, TableModel, schema=SCHEMA, noun="table model")
+        return parse_document(text, TableModel, schema=SCHEMA, noun=NOUN)
 
     @staticmethod
-    def load(path: Path) -> TableModel:
-        """Read ``table.json``, or the one in a run folder."""
-        file = path / "table.json" if path.is_dir() else path
-        return read_document(file, TableModel, schema=SCHEMA, noun="table model")
+    def load(path: AnyPath) -> TableModel:
+        """Read ``table.json``, or the one in a run folder.
+
+        Raises `TablemapError` where there is none, or the file is no table model.
+        """
+        given = as_path(path)
+        file = given / "table.json" if given.is_dir() else given
+        return read_document(file, TableModel, schema=SCHEMA, noun=NOUN)
 
 
 def json_schema() -> dict[str, object]:

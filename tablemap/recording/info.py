@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tablemap.config import TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
+from tablemap.paths import AnyPath, as_path
 from tablemap.recording.decoding import Decoder, DecodingError, Message
 from tablemap.recording.depth import decode_depth, depth_encoding
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
@@ -108,9 +108,10 @@ class RecordingInfo:
         return lines
 
 
-def inspect(path: Path, *, topics: TopicsConfig | None = None) -> RecordingInfo:
+def inspect(path: AnyPath, *, topics: TopicsConfig | None = None) -> RecordingInfo:
     """Tell what an MCAP holds, without reading more of it than that takes.
 
+    ``topics`` names topics and frames that are to be taken; roles are found where it does not.
     Raises `RecordingError` where the file is no MCAP, or has not the topics that were asked for.
     """
     config = topics or TopicsConfig()
@@ -128,8 +129,8 @@ def inspect(path: Path, *, topics: TopicsConfig | None = None) -> RecordingInfo:
                 frame_roles, problems = _frame_roles(tree, roles, config)
                 missing += problems
     return RecordingInfo(
-        path=str(path),
-        size_bytes=Path(path).stat().st_size,
+        path=str(as_path(path)),
+        size_bytes=as_path(path).stat().st_size,
         profile=source.profile,
         library=source.library,
         start_ns=source.start_ns,

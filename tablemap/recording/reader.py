@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from tablemap.config import TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.geometry import Floats, invert
+from tablemap.paths import AnyPath, as_path
 from tablemap.recording.channels import Channels, Stamped, Stamps, only
 from tablemap.recording.decoding import DecodingError
 from tablemap.recording.depth import decode_depth
@@ -310,15 +311,17 @@ class Recording:
         self.close()
 
 
-def open_recording(path: Path, *, topics: TopicsConfig | None = None) -> Recording:
+def open_recording(path: AnyPath, *, topics: TopicsConfig | None = None) -> Recording:
     """Open a recording, find its topics by role, and read its TF tree.
 
-    Raises `RecordingError` where the file is no MCAP, or lacks depth, its calibration or a pose.
+    ``topics`` names topics and frames that are to be taken; roles are found where it does not.
+    Close what is returned, or use it as a context manager. Raises `RecordingError` where the file
+    is no MCAP, or lacks depth, its calibration or a pose.
     """
     warnings: list[ProcessWarning] = []
     source = open_source(path, warnings=warnings)
     try:
-        return Recording(path, source, topics=topics or TopicsConfig(), warnings=warnings)
+        return Recording(as_path(path), source, topics=topics or TopicsConfig(), warnings=warnings)
     except BaseException:
         source.close()
         raise

@@ -8,6 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from tablemap.errors import ProcessWarning, RecordingError
+from tablemap.paths import AnyPath, as_path
 from tablemap.recording.bags.bag import Bag
 from tablemap.recording.bags.folder import METADATA, files_of
 from tablemap.recording.mcap.container import Container
@@ -25,13 +26,13 @@ _OTHER_FORMATS = {
 }
 
 
-def open_source(path: Path, *, warnings: list[ProcessWarning]) -> Source:
+def open_source(path: AnyPath, *, warnings: list[ProcessWarning]) -> Source:
     """Open what holds a recording's messages; what is lost of it is appended to ``warnings``.
 
     That is an MCAP, a bag of ROS 1, a database or a folder of rosbag2; each may be packed with
     zstd. Raises `RecordingError` where it is none that can be read.
     """
-    path = Path(path)
+    path = as_path(path)
     if path.name == METADATA:
         path = path.parent
     if path.is_dir():
@@ -102,7 +103,11 @@ def _is_text(start: bytes) -> bool:
     return b"\0" not in start and "�" not in start.decode(errors="replace")[:-1]
 
 
-def sha256(path: Path) -> str:
-    """Return a file's SHA-256, read in pieces."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+def sha256(path: AnyPath) -> str:
+    """Return a file's SHA-256, read in pieces. Raises `RecordingError` where it cannot be read."""
+    try:
+        with as_path(path).open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        reason = error.strerror or error
+        raise RecordingError(f"the file cannot be read ({reason}): {path}") from error

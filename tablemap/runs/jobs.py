@@ -13,6 +13,7 @@ from tablemap.archive.folder import LEAVE_A_MODEL, RunFolder, load_run, versions
 from tablemap.config import Config, dump_config
 from tablemap.errors import ConfigError, TablemapError
 from tablemap.events import StageStarted
+from tablemap.paths import AnyPath, as_path
 from tablemap.runs.running import Follow, Method, Outcome, run
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ class Job:
         )
 
 
-def expand(arguments: Sequence[str]) -> list[Path]:
+def expand(arguments: Sequence[AnyPath]) -> list[Path]:
     """Return the recordings that are named: paths, globs and ``@list.txt``, each once.
 
     A list has a path or glob a line, relative to where one works; blank lines and those that begin
@@ -55,7 +56,7 @@ def expand(arguments: Sequence[str]) -> list[Path]:
     Raises `ConfigError` where a list cannot be read.
     """
     names: list[str] = []
-    for argument in arguments:
+    for argument in map(str, map(as_path, arguments)):
         if not argument.startswith("@") or Path(argument).exists():
             names.append(argument)
             continue

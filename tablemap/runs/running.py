@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import stat
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
-from tablemap.archive.folder import RunFolder, trajectory_tum
+from tablemap.archive.folder import RunFolder, load_run, trajectory_tum
 from tablemap.archive.verification import find_input
 from tablemap.config import Config, dump_config, load_config
-from tablemap.errors import RecordingError, TablemapError
+from tablemap.errors import ConfigError, RecordingError, TablemapError
 from tablemap.events import Record, RunFailed, StageFinished, StageStarted, ignore
 from tablemap.model import TableModel
+from tablemap.paths import AnyPath, as_path
 
 if TYPE_CHECKING:
     from tablemap.pipeline import Processed, Tables
@@ -29,7 +31,14 @@ LOSSES = ("recording.truncated", "recording.damaged")
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run ended. ``run`` is None where there was no file to make a run of."""
+    """How a run ended.
+
+    ``recording``: what was processed.
+    ``run``: its folder; None where there was no file to make a run of.
+    ``status``: ``partial`` where the recording could be read only in part.
+    ``error``: one sentence on what failed or was lost; None where all went well.
+    ``model``: the chosen table; None where there is none.
+    """
 
     recording: Path
     run: RunFolder | None
@@ -39,30 +48,39 @@ class Outcome:
 
 
 def run(
-    recording_path: Path,
+    recording: AnyPath,
     *,
-    output: Path,
-    config: Config,
+    output: AnyPath = "runs",
+    config: Config | None = None,
     method: Method = "tablemap",
     tables: Tables = "best",
     progress: Record = ignore,
     follow: Follow = nullcontext,
 ) -> Outcome:
-    """Process a recording into a new run folder under ``output``.
+    """Process a recording into a new run folder ``output/<recording>/<run>``.
 
-    ``follow`` is given the path of ``run.rrd`` before it is written, and left after. What is wrong
-    with the recording, the disk or the permissions ends in a failed `Outcome`; the folder keeps
-    ``run.rrd``, ``report.html`` and ``manifest.json``, and has no ``table.json``. An interruption
-    or a defect of the program marks the folder and is raised again.
+    ``tables`` is ``best``, ``all``, or a place (x, y) in the map, metres: the table nearest to it.
+    ``progress`` is given what the stages record, as it arises. ``follow`` is given the path of
+    ``run.rrd`` before it is written, and left after.
+
+    What is wrong with the recording, the disk or the permissions ends in a failed `Outcome`; the
+    folder keeps ``run.rrd``, ``report.html`` and ``manifest.json``, and has no ``table.json``. An
+    interruption or a defect of the program marks the folder and is raised again. Raises
+    `TablemapError` where what is asked for cannot be: no path, no such method or tables.
     """
+    recording_path, output, config = as_path(recording), as_path(output), config or Config()
+    if method not in get_args(Method):
+        raise ConfigError(f"expected a method of {', '.join(get_args(Method))}; found {method!r}.")
     try:
-        if not recording_path.exists():
-            raise RecordingError(f"there is no such file: {recording_path}")
-        if not recording_path.is_file():
-            raise RecordingError(f"expected an MCAP file, found a directory: {recording_path}")
+        _check_exists(recording_path)
+        from tablemap.pipeline import check_tables
+
+        tables = check_tables(tables)
         folder = RunFolder.create(
             output, recording_path, method=method, tables=tables, config=config
         )
+    except ConfigError:
+        raise
     except TablemapError as error:
         return Outcome(recording_path, None, "failed", str(error), None)
 
@@ -114,27 +132,40 @@ def run(
 
 
 def reprocess(
-    folder: RunFolder,
+    folder: AnyPath,
     *,
-    output: Path | None = None,
+    output: AnyPath | None = None,
     overrides: Sequence[str] = (),
     progress: Record = ignore,
 ) -> Outcome:
     """Process a run's recording again with its config and ``section.key=value`` changes.
 
-    The new run stands beside the old one unless ``output`` names another folder of runs. Raises
-    `RecordingError` where the recording is gone or no longer the one that was read, and
-    `ConfigError` for changes that cannot be.
+    The new run stands beside the old one unless ``output`` names another folder of runs. Ends as
+    `run` does. Raises `RecordingError` where the recording is gone or no longer the one that was
+    read, `ConfigError` for changes that cannot be, and `TablemapError` where there is no run.
     """
+    folder = load_run(folder)
     manifest = folder.manifest
     return run(
         find_input(folder),
-        output=output or folder.path.parent.parent,
+        output=folder.path.parent.parent if output is None else output,
         config=load_config(folder.path / "config.toml", overrides=overrides),
         method="report" if manifest.method == "report" else "tablemap",
         tables=manifest.tables,
         progress=progress,
     )
+
+
+def _check_exists(recording: Path) -> None:
+    """Raise `RecordingError` where there is no such file."""
+    try:
+        mode = recording.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise RecordingError(f"there is no such file: {recording}") from error
+    except OSError as error:
+        raise RecordingError(f"the file cannot be read ({error.strerror}): {recording}") from error
+    if not stat.S_ISREG(mode):
+        raise RecordingError(f"expected an MCAP file, found a directory: {recording}")
 
 
 def _leave(

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from tablemap.archive.folder import LEAVE_A_MODEL, RunFolder
+from tablemap.archive.folder import LEAVE_A_MODEL, RunFolder, load_run
 from tablemap.archive.verification import Check, check_files, find_input, input_path
 from tablemap.errors import RecordingError, TablemapError
 from tablemap.model import TableModel
+from tablemap.paths import AnyPath
 
 
-def verify(run: RunFolder) -> list[Check]:
-    """Check the files' hashes and contents, the .rrd, and the input where it can be found."""
+def verify(run: AnyPath) -> list[Check]:
+    """Check the files' hashes and contents, the .rrd, and the input where it can be found.
+
+    Returns a `Check` for each thing that was looked at. Raises `TablemapError` where there is no
+    run, or a file of it cannot be read.
+    """
+    run = load_run(run)
     return [*check_files(run), *_check_contents(run), _check_review(run), _check_input(run)]
 
 

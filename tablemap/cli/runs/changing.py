@@ -79,10 +79,14 @@ def prune_(
     from tablemap.archive.index import list_runs
     from tablemap.archive.pruning import prune, to_prune
 
+    try:
+        age = None if older_than is None else timedelta(days=older_than)
+    except (ValueError, OverflowError) as error:
+        raise typer.BadParameter(f"{older_than} days is no age of a run.") from error
     going = to_prune(
         list_runs(folder),
         now=datetime.now(UTC),
-        older_than=None if older_than is None else timedelta(days=older_than),
+        older_than=age,
         status=status or (),
         keep=keep,
     )

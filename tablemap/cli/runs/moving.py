@@ -25,12 +25,9 @@ def pack_(
     debug: Debug = False,
 ) -> None:
     """Write a RUN into one file, to be unpacked elsewhere."""
-    from tablemap.archive import load_run
-    from tablemap.archive.packing import SUFFIX, pack
+    from tablemap.archive.packing import pack
 
-    folder = load_run(run)
-    name = f"{folder.path.parent.name}-{folder.path.name}{SUFFIX}"
-    file = pack(folder, output or Path(name), with_input=with_input)
+    file = pack(run, output, with_input=with_input)
     typer.echo(json.dumps({"file": str(file)}) if as_json else file)
 
 

@@ -18,6 +18,7 @@ import PIL.Image
 from rerun.experimental import ViewerClient
 
 from tablemap.errors import ExternalToolError, TablemapError
+from tablemap.paths import AnyPath, as_path
 from tablemap.review.viewer.viewer import (
     LOOPBACK,
     free_port,
@@ -43,7 +44,7 @@ TRIES = 6
 
 
 def still(
-    path: Path, out: Path, *, tab: str = "Overview", size: tuple[int, int] = (1000, 700)
+    path: AnyPath, out: AnyPath, *, tab: str = "Overview", size: tuple[int, int] = (1000, 700)
 ) -> list[str]:
     """Write a PNG of one tab (or of a tab within one) of a run folder's .rrd, at its end.
 
@@ -62,7 +63,7 @@ def still(
                 break
             previous = digest
             time.sleep(0.4)
-        out.write_bytes(_smaller(picture))
+        as_path(out).write_bytes(_smaller(picture))
         views = client.get_state().views
     return [f"{view.name}: {report.summary}" for view in views for report in view.reports]
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from tablemap.errors import ExternalToolError, TablemapError
+from tablemap.paths import AnyPath, as_path
 
 LOOPBACK = "127.0.0.1"
 START_SECONDS = 2.0
@@ -65,12 +66,13 @@ def launch(
         raise ExternalToolError(f"the Rerun Viewer cannot be started: {error}") from error
 
 
-def review_file(path: Path) -> Path:
+def review_file(path: AnyPath) -> Path:
     """Return the .rrd of a run folder, of a recording's last run, or the file itself.
 
     A recording's last run is ``latest``; where none left a model, the one that began last. Raises
     `TablemapError` where there is none.
     """
+    path = as_path(path)
     if not path.is_dir():
         candidates = [path]
     else:
@@ -114,7 +116,7 @@ def mended(file: Path, folder: Path) -> Path:
 
 
 @contextmanager
-def whole(path: Path) -> Iterator[Path]:
+def whole(path: AnyPath) -> Iterator[Path]:
     """Give a whole .rrd of a run for as long as the context lasts; see `mended`."""
     with tempfile.TemporaryDirectory(prefix="tablemap-") as folder:
         yield mended(review_file(path), Path(folder))
@@ -148,7 +150,7 @@ def stop(process: subprocess.Popen[bytes]) -> None:
 
 
 @contextmanager
-def served(path: Path) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
+def served(path: AnyPath) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
     """Serve a run to web browsers of this machine; gives the URL and the server's process.
 
     Raises as `open_viewer` does.
@@ -169,7 +171,7 @@ def served(path: Path) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
             stop(server)
 
 
-def open_viewer(path: Path) -> subprocess.Popen[bytes]:
+def open_viewer(path: AnyPath) -> subprocess.Popen[bytes]:
     """Open a run folder's .rrd in the native viewer, and return its process.
 
     Raises `ExternalToolError` where the viewer is missing or ends at once (no screen, no graphics
