@@ -92,7 +92,7 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
 
     # Where the robot stood, and what its camera saw there.
     with stage("snapshots"):
-        taken = take_snapshots(recording, config=config.snapshots)
+        taken = take_snapshots(recording, config=config.snapshots, sensors=sensors)
         record(taken)
 
     # The floor gives away the camera's tilt and the scale of its depth.
@@ -110,7 +110,9 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
 
     # KISS-ICP over the laser's scans of the whole drive.
     with stage("odometry"):
-        odometry = estimate_odometry(recording, snapshots, config=config.odometry, record=record)
+        odometry = estimate_odometry(
+            recording, snapshots, config=config.odometry, sensors=sensors, record=record
+        )
         record(odometry)
 
     @cache

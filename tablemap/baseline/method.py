@@ -57,7 +57,7 @@ def process(
         )
     settings, stage = config.report, stages(record)
     with stage("snapshots"):
-        taken = take_snapshots(recording, config=config.snapshots)
+        taken = take_snapshots(recording, config=config.snapshots, sensors=config.sensors)
         record(taken)
     reasons: dict[int, str] = {}
     views = []

@@ -17,7 +17,6 @@ class OdometryConfig(Section):
     threshold_without_wheels: float = Field(
         default=0.05, gt=0, description="the same where the prior is the localisation, metres"
     )
-    maximum_range: float = Field(default=30.0, gt=0, description="beams longer are left out")
     moved: float = Field(
         default=0.02, gt=0, description="motion that makes a scan worth it, metres"
     )
@@ -26,12 +25,6 @@ class OdometryConfig(Section):
         default=4.0, ge=1, description="ways of so many times that without a scan are bridged"
     )
     standing_every: int = Field(default=8, ge=1, description="one scan in so many while standing")
-    maximum_speed: float = Field(
-        default=1.5, gt=0, description="faster localised motion is a jump, metres per second"
-    )
-    maximum_turn_deg: float = Field(
-        default=150.0, gt=0, description="faster localised turning is a jump, degrees per second"
-    )
     maximum_correction: float = Field(
         default=0.15,
         gt=0,

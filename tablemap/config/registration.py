@@ -10,7 +10,6 @@ from tablemap.config.section import Section
 class RegistrationConfig(Section):
     """Pairwise ICP, pose graph and joint polish."""
 
-    maximum_range: float = Field(default=25.0, gt=0, description="laser beams longer are left out")
     stop_scans: int = Field(default=120, ge=1, description="most scans combined at a stop")
     gates: tuple[float, ...] = Field(
         default=(0.2, 0.1, 0.05, 0.03), min_length=1, description="correspondence gates, metres"
@@ -22,12 +21,6 @@ class RegistrationConfig(Section):
     )
     correlation: float = Field(
         default=8.0, ge=1, description="neighbouring beams that err together, as one"
-    )
-    localisation_sigma: float = Field(
-        default=0.10, gt=0, description="how well a localised pose is believed, metres"
-    )
-    localisation_sigma_deg: float = Field(
-        default=4.0, gt=0, description="how well a localised heading is believed"
     )
     depth_range: float = Field(default=3.5, gt=0, description="depth beyond is left out, metres")
     depth_points: int = Field(default=700, ge=60, description="points of a depth view that align")

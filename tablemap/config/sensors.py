@@ -8,12 +8,24 @@ from tablemap.config.section import Section
 
 
 class SensorsConfig(Section):
-    """What is believed of laser, depth camera and wheels; each fact once, for all stages.
+    """What is believed of laser, depth camera, wheels and localisation: each fact once.
 
     A sigma is a standard deviation. Larger ones say that a sensor is less trusted: the table's
     dimensions then get larger sigmas, and other evidence weighs more.
     """
 
+    laser_maximum_range_odometry: float = Field(
+        default=30.0,
+        gt=0,
+        description="metres; longer ranges are left out of the odometry. Higher: far walls help, "
+        "and ranges that the laser measures badly get in",
+    )
+    laser_maximum_range_registration: float = Field(
+        default=25.0,
+        gt=0,
+        description="metres; longer ranges are left out of the stops' scans. Higher: as for the "
+        "odometry",
+    )
     laser_range_noise: float = Field(
         default=0.01,
         gt=0,
@@ -71,6 +83,36 @@ class SensorsConfig(Section):
         description="share of a way; error of the drive's scale where wheels and depth placed the "
         "views, not the laser (sigma). Higher: the stops' distances say less about the depth's "
         "scale",
+    )
+
+    localisation_sigma: float = Field(
+        default=0.10,
+        gt=0,
+        description="metres; error of a localised pose in the map (sigma). Higher: the stops "
+        "follow odometry and scans more, and the localisation less",
+    )
+    localisation_sigma_deg: float = Field(
+        default=4.0,
+        gt=0,
+        description="degrees; the same of a localised heading. Higher: as for `localisation_sigma`",
+    )
+    localisation_jump_speed: float = Field(
+        default=1.5,
+        gt=0,
+        description="metres per second; a localised pose that moves faster has jumped, and the "
+        "robot has not. Set it above the robot's own speed. Higher: jumps pass for motion",
+    )
+    localisation_jump_turn_deg_snapshots: float = Field(
+        default=180.0,
+        gt=0,
+        description="degrees per second; the same of turning, where stops are looked for. Higher: "
+        "jumps pass for motion, and end a stop",
+    )
+    localisation_jump_turn_deg_odometry: float = Field(
+        default=150.0,
+        gt=0,
+        description="degrees per second; the same where the odometry starts from the "
+        "localisation, without wheels. Higher: jumps pass for motion",
     )
 
     camera_tilt_sigma_deg: float = Field(

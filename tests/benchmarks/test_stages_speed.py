@@ -31,7 +31,7 @@ def recording(demo_recording: Path) -> Iterator[Recording]:
 @pytest.fixture(scope="module")
 def snapshots(recording: Recording) -> tuple[Snapshot, ...]:
     """The demo's calibrated viewpoints."""
-    taken = take_snapshots(recording, config=CONFIG.snapshots)
+    taken = take_snapshots(recording, config=CONFIG.snapshots, sensors=CONFIG.sensors)
     return calibrate(taken.snapshots, config=CONFIG.calibration, sensors=CONFIG.sensors).snapshots
 
 

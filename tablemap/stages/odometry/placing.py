@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tablemap.config import OdometryConfig
+from tablemap.config import OdometryConfig, SensorsConfig
 from tablemap.errors import ProcessWarning
 from tablemap.events import Record
 from tablemap.geometry import Floats, Pose2
@@ -35,7 +35,11 @@ class PlacedScans:
 
 
 def place_scans(
-    recording: Recording, config: OdometryConfig, record: Record, warnings: list[ProcessWarning]
+    recording: Recording,
+    config: OdometryConfig,
+    sensors: SensorsConfig,
+    record: Record,
+    warnings: list[ProcessWarning],
 ) -> PlacedScans | None:
     """Register the scans that moved, one after the other; None where there was none to use."""
     on_wheels = has_wheels(recording)
@@ -46,7 +50,7 @@ def place_scans(
         return None if matrix is None else Pose2.projected(matrix)
 
     threshold = config.threshold if on_wheels else config.threshold_without_wheels
-    kiss = _make_kiss(config, threshold)
+    kiss = _make_kiss(config, sensors.laser_maximum_range_odometry, threshold)
     start: Pose2 | None = None
     last = last_prior = Pose2()
     last_delta = Pose2()
@@ -70,7 +74,7 @@ def place_scans(
                 continue
             delta = last_prior.inverse() @ prior
             seconds = (scan.stamp_ns - last_ns) * 1e-9
-            if not on_wheels and _is_jump(delta, seconds, config):
+            if not on_wheels and _is_jump(delta, seconds, sensors):
                 delta = last_delta
             if not _moved(delta, config):
                 standing += 1
@@ -78,13 +82,14 @@ def place_scans(
                     skipped += 1
                     continue
         motion, _ = sweep_motion(scan, base_at)
-        if motion is not None and _is_jump(motion, scan.time_increment * len(scan.ranges), config):
+        sweep_seconds = scan.time_increment * len(scan.ranges)
+        if motion is not None and _is_jump(motion, sweep_seconds, sensors):
             motion = None
         base_from_laser = recording.base_from_laser(scan.stamp_ns)
         points, valid = points_in_base(
             scan,
             base_from_laser,
-            maximum_range=config.maximum_range,
+            maximum_range=sensors.laser_maximum_range_odometry,
             motion=motion,
         )
         frame = points[valid]
@@ -130,7 +135,7 @@ def place_scans(
     return PlacedScans(trajectory, skipped, np.array(left_open))
 
 
-def _make_kiss(config: OdometryConfig, threshold: float) -> Any:
+def _make_kiss(config: OdometryConfig, maximum_range: float, threshold: float) -> Any:
     # Imported here: it takes a second. Every section is given, or it would read the environment.
     from kiss_icp.config import KISSConfig
     from kiss_icp.config.config import (
@@ -144,7 +149,7 @@ def _make_kiss(config: OdometryConfig, threshold: float) -> Any:
     return KissICP(
         KISSConfig(
             out_dir="",
-            data=DataConfig(max_range=config.maximum_range, min_range=0.0, deskew=False),
+            data=DataConfig(max_range=maximum_range, min_range=0.0, deskew=False),
             registration=RegistrationConfig(
                 max_num_iterations=100, convergence_criterion=1e-5, max_num_threads=1
             ),
@@ -168,8 +173,9 @@ def _moved(delta: Pose2, config: OdometryConfig) -> bool:
     return far or bool(np.degrees(abs(delta.yaw)) > config.turned_deg)
 
 
-def _is_jump(delta: Pose2, seconds: float, config: OdometryConfig) -> bool:
+def _is_jump(delta: Pose2, seconds: float, sensors: SensorsConfig) -> bool:
     # Two centimetres and half a degree: what a localisation may jitter between two scans.
-    far = np.hypot(delta.x, delta.y) > config.maximum_speed * seconds + 0.02
-    turned = np.degrees(abs(delta.yaw)) > config.maximum_turn_deg * seconds + 0.5
+    far = np.hypot(delta.x, delta.y) > sensors.localisation_jump_speed * seconds + 0.02
+    fastest = sensors.localisation_jump_turn_deg_odometry
+    turned = np.degrees(abs(delta.yaw)) > fastest * seconds + 0.5
     return bool(far or turned)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tablemap.config import OdometryConfig
+from tablemap.config import OdometryConfig, SensorsConfig
 from tablemap.errors import ProcessWarning
 from tablemap.events import Record
 from tablemap.geometry import Floats
@@ -31,6 +31,7 @@ def estimate_odometry(
     snapshots: tuple[Snapshot, ...],
     *,
     config: OdometryConfig,
+    sensors: SensorsConfig,
     record: Record,
 ) -> Odometry:
     """Run KISS-ICP over the scans of the whole drive, or fall back to what was recorded.
@@ -42,7 +43,9 @@ def estimate_odometry(
     Source of the method: Vizzo et al., KISS-ICP, RA-L 2023, here in the plane and with a prior.
     """
     warnings: list[ProcessWarning] = []
-    placed = place_scans(recording, config, record, warnings) if recording.names.laser else None
+    placed = None
+    if recording.names.laser:
+        placed = place_scans(recording, config, sensors, record, warnings)
     on_wheels = has_wheels(recording)
     gaps = np.zeros((0, 2), dtype=np.int64)
     if placed is not None and len(placed.trajectory.stamps_ns) >= 2:

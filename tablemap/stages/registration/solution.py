@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tablemap.config import RegistrationConfig
+from tablemap.config import SensorsConfig
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.odometry import Odometry
@@ -54,10 +54,10 @@ def odometry_edges(snapshots: Sequence[Snapshot], odometry: Odometry) -> list[Ed
     return edges
 
 
-def localisation_anchors(snapshots: Sequence[Snapshot], config: RegistrationConfig) -> list[Anchor]:
+def localisation_anchors(snapshots: Sequence[Snapshot], sensors: SensorsConfig) -> list[Anchor]:
     """Hold each snapshot loosely at its localised pose; one that has jumped lets go."""
-    heading = np.radians(config.localisation_sigma_deg)
-    sigma = np.array([config.localisation_sigma, config.localisation_sigma, heading])
+    heading = np.radians(sensors.localisation_sigma_deg)
+    sigma = np.array([sensors.localisation_sigma, sensors.localisation_sigma, heading])
     information = np.diag(1.0 / sigma**2)
     return [
         Anchor(i, snapshot.map_from_base, information, _ANCHOR_ROBUST)

@@ -49,7 +49,7 @@ def register(
     initial = _initial(odometry, snapshots, localised)
     # Small systems: threads cost more than they give, and one thread repeats.
     with threadpool_limits(limits=1):
-        stops = _stop_scans(recording, snapshots, odometry, config)
+        stops = _stop_scans(recording, snapshots, odometry, config, sensors)
         for stop in stops:
             if stop is not None:
                 record(stop)
@@ -111,10 +111,20 @@ def _stop_scans(
     snapshots: tuple[Snapshot, ...],
     odometry: Odometry,
     config: RegistrationConfig,
+    sensors: SensorsConfig,
 ) -> tuple[StopScan | None, ...]:
     if recording.names.laser is None:
         return (None,) * len(snapshots)
-    scans = [stop_scan(recording, s, odometry.trajectory, config=config) for s in snapshots]
+    scans = [
+        stop_scan(
+            recording,
+            snapshot,
+            odometry.trajectory,
+            most_scans=config.stop_scans,
+            maximum_range=sensors.laser_maximum_range_registration,
+        )
+        for snapshot in snapshots
+    ]
     return tuple(
         scan if scan is not None and len(scan.points) >= _LEAST_STOP_POINTS else None
         for scan in scans

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tablemap.config import SnapshotsConfig
+from tablemap.config import SensorsConfig, SnapshotsConfig
 from tablemap.errors import EstimationError, RecordingError
 from tablemap.geometry import Pose2, invert
 from tablemap.recording import DepthFrame, Recording
@@ -21,7 +21,9 @@ from tablemap.stages.snapshots.stops import (
 )
 
 
-def take_snapshots(recording: Recording, *, config: SnapshotsConfig) -> Snapshots:
+def take_snapshots(
+    recording: Recording, *, config: SnapshotsConfig, sensors: SensorsConfig
+) -> Snapshots:
     """Find the viewpoints by the poses, then decode and combine only their images.
 
     Each stop gives one snapshot, or one for each direction in which the camera rested there; a
@@ -35,7 +37,7 @@ def take_snapshots(recording: Recording, *, config: SnapshotsConfig) -> Snapshot
             f"--set topics.depth=TOPIC: {recording.path}"
         )
     located, aside = _with_pose(recording, stamps)
-    kind, stops = _plan(recording, located, config)
+    kind, stops = _plan(recording, located, config, sensors)
     viewpoints: list[Viewpoint] = []
     for stop in stops:
         parts, unused = by_direction(recording, stop, config)
@@ -85,14 +87,17 @@ def _with_pose(
 
 
 def _plan(
-    recording: Recording, stamps: NDArray[np.int64], config: SnapshotsConfig
+    recording: Recording,
+    stamps: NDArray[np.int64],
+    config: SnapshotsConfig,
+    sensors: SensorsConfig,
 ) -> tuple[str, list[Viewpoint]]:
     """Return the kind of recording and its viewpoints, before any limit on their number."""
     poses = recording.pose_stamps()
     if far_apart(stamps) and (len(poses) < 2 or far_apart(poses)):
         return "stops", _by_place(recording, stamps)
     motion = sample_motion(recording, stamps)
-    intervals = standing_intervals(motion, config)
+    intervals = standing_intervals(motion, config, sensors)
     stops = []
     for start, end in intervals:
         inside = stamps[(stamps >= start) & (stamps <= end)]

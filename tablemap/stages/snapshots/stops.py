@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tablemap.config import SnapshotsConfig
+from tablemap.config import SensorsConfig, SnapshotsConfig
 from tablemap.geometry import Floats, Pose2, wrap_angles
 from tablemap.recording import Recording
 
@@ -48,7 +48,9 @@ def sample_motion(recording: Recording, depth_stamps: NDArray[np.int64]) -> Moti
     return Motion(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), "none")
 
 
-def standing_intervals(motion: Motion, config: SnapshotsConfig) -> list[tuple[int, int]]:
+def standing_intervals(
+    motion: Motion, config: SnapshotsConfig, sensors: SensorsConfig
+) -> list[tuple[int, int]]:
     """Return the intervals (start, end in nanoseconds) in which the base stood still."""
     if len(motion.stamps_ns) < 2:
         return []
@@ -59,7 +61,8 @@ def standing_intervals(motion: Motion, config: SnapshotsConfig) -> list[tuple[in
     still = (speed < config.still_speed) & (turn < np.deg2rad(config.still_turn_deg))
     if motion.source == "localisation":
         # A jump is faster than any indoor robot, short, and over at once: the base did not move.
-        jump = (speed > config.jump_speed) | (turn > np.deg2rad(config.jump_turn_deg))
+        fastest = np.deg2rad(sensors.localisation_jump_turn_deg_snapshots)
+        jump = (speed > sensors.localisation_jump_speed) | (turn > fastest)
         jump &= np.linalg.norm(steps[:, :2], axis=1) < config.jump_distance
         lone = jump.copy()
         lone[1:-1] &= still[:-2] & still[2:]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from tablemap.config import OdometryConfig
+from tablemap.config import OdometryConfig, SensorsConfig
 from tablemap.geometry import Pose2
 from tablemap.stages.odometry import (
     Odometry,
@@ -19,12 +19,18 @@ from tablemap.stages.odometry import (
 from tablemap.stages.odometry.constraint import constrained, held_share
 from tests.making.rooms import BASE_FROM_LASER, Drive, corridor, relative_errors, room
 
+SENSORS = SensorsConfig()
+
 
 def estimate(drive: Drive) -> tuple[Odometry, list[object]]:
     """Run odometry over a drive and return it with its events."""
     events: list[object] = []
     odometry = estimate_odometry(
-        drive.recording(), drive.snapshots(), config=OdometryConfig(), record=events.append
+        drive.recording(),
+        drive.snapshots(),
+        config=OdometryConfig(),
+        sensors=SENSORS,
+        record=events.append,
     )
     return odometry, events
 

@@ -46,10 +46,12 @@ def gap(demo_recording: Path) -> tuple[Registration, np.ndarray]:
     """The demo with one stop's scans taken out, registered, and its true poses."""
     config = Config()
     recording = open_recording(demo_recording)
-    taken = take_snapshots(recording, config=config.snapshots).snapshots
+    taken = take_snapshots(recording, config=config.snapshots, sensors=config.sensors).snapshots
     snapshots = calibrate(taken, config=config.calibration, sensors=config.sensors).snapshots
     cut: Any = Gap(recording, snapshots[BLIND])
-    odometry = estimate_odometry(cut, snapshots, config=config.odometry, record=ignore)
+    odometry = estimate_odometry(
+        cut, snapshots, config=config.odometry, sensors=config.sensors, record=ignore
+    )
     registration = register(
         cut,
         snapshots,

@@ -30,6 +30,7 @@ def carried(drive: Drive) -> Odometry:
         replace(drive, laser=False).recording(),
         drive.snapshots(),
         config=OdometryConfig(),
+        sensors=SENSORS,
         record=ignore,
     )
 
@@ -183,7 +184,11 @@ def test_along_a_corridor_the_sigma_says_what_is_not_known(leg: float) -> None:
         corridor(yaw, leg=leg), seed=4, stops=6, standing_s=0.6, rate_hz=10, wheel_error=0.01
     )
     odometry = estimate_odometry(
-        drive.recording(), drive.snapshots(), config=OdometryConfig(), record=ignore
+        drive.recording(),
+        drive.snapshots(),
+        config=OdometryConfig(),
+        sensors=SENSORS,
+        record=ignore,
     )
     result, _ = run(drive, odometry)
     truth = drive.truth()

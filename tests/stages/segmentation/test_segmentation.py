@@ -190,7 +190,7 @@ def test_segmentation_repeats_bit_for_bit() -> None:
 def test_living_room_chooses_the_side_table(real_recordings: Path) -> None:
     """Of armchair, couches, TV bench and side table, the table of views 3 and 4 is chosen."""
     recording = open_recording(real_recordings / "hsr_living_room.mcap")
-    taken = take_snapshots(recording, config=SnapshotsConfig())
+    taken = take_snapshots(recording, config=SnapshotsConfig(), sensors=SENSORS)
     calibration = calibrate(taken.snapshots, config=CalibrationConfig(), sensors=SENSORS)
     result = segment(calibration.snapshots, config=CONFIG, sensors=SENSORS)
     assert result.used == (2, 3)
@@ -203,7 +203,7 @@ def test_living_room_chooses_the_side_table(real_recordings: Path) -> None:
 def test_kitchen_finds_the_dining_table(real_recordings: Path) -> None:
     """Among chairs, books and counters the dining table is chosen, its height within 1 cm."""
     recording = open_recording(real_recordings / "kitchen.mcap")
-    taken = take_snapshots(recording, config=SnapshotsConfig())
+    taken = take_snapshots(recording, config=SnapshotsConfig(), sensors=SENSORS)
     assert taken.kind == "keyframes"
     calibration = calibrate(taken.snapshots, config=CalibrationConfig(), sensors=SENSORS)
     result = segment(calibration.snapshots, config=CONFIG, sensors=SENSORS)

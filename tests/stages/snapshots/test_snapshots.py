@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from tablemap.config import SnapshotsConfig
+from tablemap.config import SensorsConfig, SnapshotsConfig
 from tablemap.errors import EstimationError, RecordingError
 from tablemap.geometry import Floats, Pose2, transform
 from tablemap.recording import DepthFrame, FrameNames, Recording
@@ -22,6 +22,7 @@ from tablemap.stages.snapshots.combining import combine
 from tests.making.rendering import CAMERA, MESSAGE, mounting, round_trip
 
 CONFIG = SnapshotsConfig()
+SENSORS = SensorsConfig()
 SECOND = 1_000_000_000
 K = np.array([[CAMERA.fx, 0, CAMERA.cx], [0, CAMERA.fy, CAMERA.cy], [0, 0, 1.0]])
 
@@ -133,7 +134,7 @@ VIDEO = np.arange(0.0, 21.0, 0.1)
 def test_each_stop_is_one_snapshot_of_several_images() -> None:
     """Four stops in a video give four snapshots, each with its whole standing time."""
     drive = Drive(STOPS, VIDEO)
-    result = take_snapshots(drive, config=CONFIG)
+    result = take_snapshots(drive, config=CONFIG, sensors=SENSORS)
     assert result.kind == "stops"
     assert [s.index for s in result.snapshots] == [0, 1, 2, 3]
     assert all(s.images == CONFIG.images_per_stop for s in result.snapshots)
@@ -148,7 +149,7 @@ def test_each_stop_is_one_snapshot_of_several_images() -> None:
 
 def test_height_and_tilt_go_with_the_camera() -> None:
     """map_from_base is planar; with base_from_camera it makes the full camera pose."""
-    snapshot = take_snapshots(Drive(STOPS, VIDEO), config=CONFIG).snapshots[1]
+    snapshot = take_snapshots(Drive(STOPS, VIDEO), config=CONFIG, sensors=SENSORS).snapshots[1]
     whole = snapshot.map_from_base.lifted() @ snapshot.base_from_camera
     place = transform(whole, [0.0, 0.0, 0.0])
     np.testing.assert_allclose(place, [1.0, 0.0, 1.15], atol=1e-9)
@@ -159,7 +160,7 @@ def test_a_localisation_jump_does_not_part_a_stop() -> None:
     """The wheels decide; without them a lone jump while standing is no motion either."""
     for wheels in (True, False):
         drive = Drive(STOPS, VIDEO, wheels=wheels, jumps=((7.5, 0.2), (13.5, -0.3)))
-        result = take_snapshots(drive, config=CONFIG)
+        result = take_snapshots(drive, config=CONFIG, sensors=SENSORS)
         assert result.kind == "stops"
         assert len(result.snapshots) == 4
 
@@ -168,7 +169,7 @@ def test_one_image_a_viewpoint() -> None:
     """Single images seconds apart, with poses at their stamps alone, are a snapshot each."""
     images = np.array([1.0, 8.0, 14.0, 20.0])
     drive = Drive(STOPS, images, pose_rate=0.1, wheels=False)
-    result = take_snapshots(drive, config=CONFIG)
+    result = take_snapshots(drive, config=CONFIG, sensors=SENSORS)
     assert (result.kind, len(result.snapshots)) == ("stops", 4)
     assert [s.images for s in result.snapshots] == [1, 1, 1, 1]
 
@@ -178,7 +179,7 @@ def test_a_camera_that_never_rests_gives_keyframes() -> None:
     knots = [(0.0, 0.0, 0.0, 0.0), (30.0, 6.0, 0.0, 3.0)]
     drive = Drive(knots, np.arange(0.0, 30.0, 0.1), wheels=False)
     config = SnapshotsConfig(maximum=12)
-    result = take_snapshots(drive, config=config)
+    result = take_snapshots(drive, config=config, sensors=SENSORS)
     assert result.kind == "keyframes"
     assert 6 <= len(result.snapshots) <= 12
     assert len(result.set_aside) == 300 - len(result.snapshots)
@@ -204,7 +205,7 @@ def pans_deg(snapshots: tuple[Snapshot, ...]) -> list[int]:
 
 def test_each_direction_of_the_head_is_a_view() -> None:
     """A base that stands while its head looks three ways, and once lower, gives four snapshots."""
-    result = take_snapshots(Drive(STANDING, TRIPOD, head=PANNING), config=CONFIG)
+    result = take_snapshots(Drive(STANDING, TRIPOD, head=PANNING), config=CONFIG, sensors=SENSORS)
     assert result.kind == "stops"
     assert pans_deg(result.snapshots) == [-40, 0, 40, 40]
     assert all(s.images == CONFIG.images_per_stop for s in result.snapshots)
@@ -219,8 +220,8 @@ def test_each_direction_of_the_head_is_a_view() -> None:
 def test_views_of_one_stop_share_its_time() -> None:
     """No moment, and with it no laser scan, belongs to two views; all of the stop is used."""
     drive = Drive(STANDING, TRIPOD, head=PANNING)
-    views = take_snapshots(drive, config=CONFIG).snapshots
-    whole = take_snapshots(Drive(STANDING, TRIPOD), config=CONFIG).snapshots[0]
+    views = take_snapshots(drive, config=CONFIG, sensors=SENSORS).snapshots
+    whole = take_snapshots(Drive(STANDING, TRIPOD), config=CONFIG, sensors=SENSORS).snapshots[0]
     assert (views[0].start_ns, views[-1].end_ns) == (whole.start_ns, whole.end_ns)
     for before, after in pairwise(views):
         assert before.end_ns < after.start_ns <= before.end_ns + 1
@@ -233,7 +234,7 @@ def test_the_head_looks_about_at_every_stop() -> None:
     for start in (0.0, 6.0, 12.0, 18.0):
         head += [(start, 30.0, 0.0), (start + 1.3, 30.0, 0.0)]
         head += [(start + 1.6, -30.0, 0.0), (start + 3.0, -30.0, 0.0)]
-    result = take_snapshots(Drive(STOPS, VIDEO, head=head), config=CONFIG)
+    result = take_snapshots(Drive(STOPS, VIDEO, head=head), config=CONFIG, sensors=SENSORS)
     assert (result.kind, pans_deg(result.snapshots)) == ("stops", [30, -30] * 4)
     yaws = [s.map_from_base.yaw for s in result.snapshots]
     np.testing.assert_allclose(yaws, np.repeat([0.0, 0.8, 1.6, 2.4], 2), atol=1e-9)
@@ -244,7 +245,7 @@ def test_one_image_a_direction() -> None:
     images = np.array([1.5, 5.5, 9.5, 13.0])
     for rate in (0.1, 20.0):
         drive = Drive(STANDING, images, head=PANNING, pose_rate=rate, wheels=False)
-        result = take_snapshots(drive, config=CONFIG)
+        result = take_snapshots(drive, config=CONFIG, sensors=SENSORS)
         assert (result.kind, len(result.snapshots)) == ("stops", 4)
         assert result.set_aside == ()
 
@@ -254,8 +255,8 @@ def test_a_head_that_jitters_or_sags_is_one_view(sag_deg: float) -> None:
     """Encoder noise and a slow drift leave each stop one view, for its whole time."""
     head = [(0.0, 0.0, 0.0), (21.0, 0.0, 4 * sag_deg)]
     drive = Drive(STOPS, VIDEO, head=head, jitter_deg=0.05)
-    result = take_snapshots(drive, config=CONFIG)
-    still = take_snapshots(Drive(STOPS, VIDEO), config=CONFIG)
+    result = take_snapshots(drive, config=CONFIG, sensors=SENSORS)
+    still = take_snapshots(Drive(STOPS, VIDEO), config=CONFIG, sensors=SENSORS)
     times = [(s.start_ns, s.end_ns) for s in result.snapshots]
     assert times == [(s.start_ns, s.end_ns) for s in still.snapshots]
     assert all("camera moved, or changed" in a.reason for a in result.set_aside)
@@ -265,7 +266,7 @@ def test_a_head_that_jitters_or_sags_is_one_view(sag_deg: float) -> None:
 def test_a_direction_seen_again_counts_once() -> None:
     """Of two rests in one direction the longer is taken, and the other named."""
     head = [(0.0, 0, 0), (3.0, 0, 0), (4.0, 40, 0), (6.0, 40, 0), (7.0, 0, 0), (14.0, 0, 0)]
-    result = take_snapshots(Drive(STANDING, TRIPOD, head=head), config=CONFIG)
+    result = take_snapshots(Drive(STANDING, TRIPOD, head=head), config=CONFIG, sensors=SENSORS)
     assert pans_deg(result.snapshots) == [40, 0]
     again = [a for a in result.set_aside if a.what == "viewpoint"]
     assert len(again) == 1
@@ -276,7 +277,7 @@ def test_a_direction_seen_again_counts_once() -> None:
 def test_a_head_that_never_rests_gives_views_by_angle() -> None:
     """A base that stands while its head sweeps without a halt still shows all that it saw."""
     sweep = [(0.0, -60.0, 0.0), (14.0, 80.0, 0.0)]
-    result = take_snapshots(Drive(STANDING, TRIPOD, head=sweep), config=CONFIG)
+    result = take_snapshots(Drive(STANDING, TRIPOD, head=sweep), config=CONFIG, sensors=SENSORS)
     assert result.kind == "stops"
     assert np.diff(pans_deg(result.snapshots)).min() >= CONFIG.keyframe_angle_deg - 1
     assert len(result.snapshots) == pytest.approx(140 / CONFIG.keyframe_angle_deg, abs=2)
@@ -287,7 +288,7 @@ def test_a_head_that_never_rests_gives_views_by_angle() -> None:
 def test_few_views_are_chosen_by_where_the_camera_looks() -> None:
     """Where only two may be kept, those that look apart are, and the reason holds."""
     result = take_snapshots(
-        Drive(STANDING, TRIPOD, head=PANNING), config=SnapshotsConfig(maximum=2)
+        Drive(STANDING, TRIPOD, head=PANNING), config=SnapshotsConfig(maximum=2), sensors=SENSORS
     )
     assert np.ptp(pans_deg(result.snapshots)) >= 40
     dropped = [a for a in result.set_aside if a.what == "viewpoint"]
@@ -298,7 +299,7 @@ def test_few_views_are_chosen_by_where_the_camera_looks() -> None:
 def test_images_without_a_pose_are_set_aside() -> None:
     """Images before the first pose are named with the frames that were missing."""
     drive = Drive(STOPS, VIDEO, pose_span=(5.0, 21.0))
-    result = take_snapshots(drive, config=CONFIG)
+    result = take_snapshots(drive, config=CONFIG, sensors=SENSORS)
     reasons = [entry.reason for entry in result.set_aside if "no pose" in entry.reason]
     assert len(reasons) == 50
     assert "'base_link' in 'map'" in reasons[0]
@@ -308,9 +309,9 @@ def test_images_without_a_pose_are_set_aside() -> None:
 def test_no_pose_and_no_image_say_what_is_missing() -> None:
     """Without any pose or any depth image one sentence says where it was looked for."""
     with pytest.raises(EstimationError, match="'base_link' in 'map'"):
-        take_snapshots(Drive(STOPS, VIDEO, pose_span=(50, 60)), config=CONFIG)
+        take_snapshots(Drive(STOPS, VIDEO, pose_span=(50, 60)), config=CONFIG, sensors=SENSORS)
     with pytest.raises(RecordingError, match="depth images"):
-        take_snapshots(Drive(STOPS, np.zeros(0)), config=CONFIG)
+        take_snapshots(Drive(STOPS, np.zeros(0)), config=CONFIG, sensors=SENSORS)
 
 
 def test_combining_drops_flicker_and_averages_noise() -> None:

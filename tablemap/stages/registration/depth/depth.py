@@ -86,7 +86,7 @@ def register_depth(
     most = config.depth_points // (2 if len(clouds) > config.partners else 1)
     sources = {i: thinned(cloud, most) for i, cloud in clouds.items()}
     edges = odometry_edges(snapshots, odometry)
-    anchors = localisation_anchors(snapshots, config)
+    anchors = localisation_anchors(snapshots, sensors)
     graph = solve_graph(initial, edges, anchors)
     pairs: list[Pair] = []
     aligned: dict[tuple[int, int], Pair] = {}

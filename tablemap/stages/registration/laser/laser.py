@@ -72,7 +72,7 @@ def register_laser(
     looser than a pair of depth views is.
     """
     edges = odometry_edges(snapshots, odometry)
-    anchors = localisation_anchors(snapshots, config)
+    anchors = localisation_anchors(snapshots, sensors)
     clouds = {i: laser_clouds(stop) for i, stop in enumerate(stops) if stop is not None}
     aligned: dict[tuple[int, int], Pair] = {}
     attempt = _attempt(stops, clouds, initial, edges, [], anchors, aligned, config, sensors, record)

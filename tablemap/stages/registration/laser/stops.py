@@ -6,7 +6,6 @@ from collections import Counter
 
 import numpy as np
 
-from tablemap.config import RegistrationConfig
 from tablemap.geometry import Floats, Pose2
 from tablemap.recording import Recording
 from tablemap.recording.messages import LaserScan
@@ -26,17 +25,21 @@ def stop_scan(
     snapshot: Snapshot,
     trajectory: Trajectory,
     *,
-    config: RegistrationConfig,
+    most_scans: int,
+    maximum_range: float,
 ) -> StopScan | None:
     """Combine the scans of a snapshot's standing interval, beam by beam, into one in the base.
 
     Where the base did not stand, the scan nearest in time is de-skewed and moved to the snapshot's
-    stamp by the odometry. None where there is no scan.
+    stamp by the odometry. ``most_scans`` are combined, without ranges beyond ``maximum_range``
+    (metres). None where there is no scan.
     """
-    scans = _standing_scans(recording, snapshot, trajectory, config)
+    scans = _standing_scans(recording, snapshot, trajectory, most_scans)
     if len(scans) >= 2:
-        ranges = combine_beams(np.stack([_cleaned(s, config.maximum_range) for s in scans]))
-        return _as_stop(recording, snapshot, scans[0], ranges, Pose2(), None, len(scans), config)
+        ranges = combine_beams(np.stack([_cleaned(s, maximum_range) for s in scans]))
+        return _as_stop(
+            recording, snapshot, scans[0], ranges, Pose2(), None, len(scans), maximum_range
+        )
     window = _NEAREST_SCAN_NS
     near = list(recording.scans(snapshot.stamp_ns - window, snapshot.stamp_ns + window)) or scans
     if not near:
@@ -44,8 +47,8 @@ def stop_scan(
     nearest = min(near, key=lambda s: (abs(s.stamp_ns - snapshot.stamp_ns), s.stamp_ns))
     motion, _ = sweep_motion(nearest, trajectory.at)
     moved = trajectory.at(snapshot.stamp_ns).inverse() @ trajectory.at(nearest.stamp_ns)
-    ranges = _cleaned(nearest, config.maximum_range)
-    return _as_stop(recording, snapshot, nearest, ranges, moved, motion, 1, config)
+    ranges = _cleaned(nearest, maximum_range)
+    return _as_stop(recording, snapshot, nearest, ranges, moved, motion, 1, maximum_range)
 
 
 def combine_beams(ranges: Floats) -> Floats:
@@ -64,7 +67,7 @@ def combine_beams(ranges: Floats) -> Floats:
 
 
 def _standing_scans(
-    recording: Recording, snapshot: Snapshot, trajectory: Trajectory, config: RegistrationConfig
+    recording: Recording, snapshot: Snapshot, trajectory: Trajectory, most_scans: int
 ) -> list[LaserScan]:
     at_stamp = trajectory.at(snapshot.stamp_ns)
     standing: list[LaserScan] = []
@@ -74,7 +77,7 @@ def _standing_scans(
         if count % every or np.hypot(moved.x, moved.y) > _STILL or abs(moved.yaw) > _STILL:
             continue
         standing.append(scan)
-        if len(standing) > config.stop_scans:
+        if len(standing) > most_scans:
             standing, every = standing[::2], every * 2
     layouts = Counter(_layout(scan) for scan in standing)
     if not layouts:
@@ -100,12 +103,12 @@ def _as_stop(
     moved: Pose2,
     motion: Pose2 | None,
     scans: int,
-    config: RegistrationConfig,
+    maximum_range: float,
 ) -> StopScan:
     base_from_laser = recording.base_from_laser(scan.stamp_ns)
     combined = LaserScan(**{**vars(scan), "ranges": ranges.astype(np.float32)})
     lifted, valid = points_in_base(
-        combined, base_from_laser, maximum_range=config.maximum_range, motion=motion
+        combined, base_from_laser, maximum_range=maximum_range, motion=motion
     )
     points = moved.apply(np.where(valid[:, None], lifted[:, :2], np.nan))
     origin = moved.apply(base_from_laser[:2, 3])
