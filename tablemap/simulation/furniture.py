@@ -1,4 +1,4 @@
-"""What stands on the table, by the table and along the walls."""
+"""What stands by the table and along the walls."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import numpy as np
 import shapely
 
 from tablemap.geometry import Floats, Pose2
-from tablemap.simulation.meshes import Part, at, box, cylinder, revolve
-from tablemap.simulation.scenario import Clutter
+from tablemap.simulation.meshes import Part, at, box, cylinder
 from tablemap.simulation.shapes import Top
 
 _PALETTE = (
@@ -16,52 +15,6 @@ _PALETTE = (
 )  # fmt: skip
 
 _STOOL = 0.36  # metres: the side of its seat
-
-
-def draw_clutter(clutter: Clutter, top: Top, rng: np.random.Generator) -> list[Part]:
-    """Draw what stands on the top, in the table's frame: nothing touches anything else."""
-    parts: list[Part] = []
-    taken: list[shapely.Polygon] = []
-    scale = float(np.clip(np.sqrt(top.polygon.area) / 0.9, 0.5, 1.0))
-    for i in range(clutter.flush + clutter.overhang):
-        flush = i < clutter.flush
-        place, outwards = _rim_place(top, rng, spread=0.5)
-        along, across, tall = scale * rng.uniform((0.14, 0.12, 0.05), (0.28, 0.22, 0.2))
-        beyond = 0.0 if flush else across * rng.uniform(0.25, 0.45)
-        centre = place + outwards * (beyond - across / 2)
-        pose = at(centre, float(np.arctan2(outwards[1], outwards[0]) - np.pi / 2))
-        footprint = _footprint(along, across, pose)
-        if any(footprint.intersects(other) for other in taken):
-            continue
-        taken.append(footprint.buffer(0.03))
-        if not flush and i % 2:
-            # A runner: a thin cloth that lies on the top and hangs down over its edge.
-            flap = at((place + outwards * 0.004), pose.yaw)
-            runner = box(along, across, top.height, top.height + 0.003)
-            inside = at((place - outwards * across / 2), pose.yaw)
-            hanging = box(along, 0.004, top.height - 0.18, top.height + 0.003)
-            parts += [
-                Part(runner.placed(inside), _colour(rng)),
-                Part(hanging.placed(flap), _colour(rng)),
-            ]
-        else:
-            parts.append(
-                Part(box(along, across, top.height, top.height + tall).placed(pose), _colour(rng))
-            )
-    for i in range(clutter.count):
-        kind = clutter.items[i % len(clutter.items)]
-        solid, radius = _item(kind, scale, rng)
-        free = top.polygon.buffer(-radius - 0.03)
-        for _ in range(20):
-            place = rng.uniform(top.outline.min(axis=0), top.outline.max(axis=0))
-            disc = shapely.Point(place).buffer(radius)
-            if not free.contains(shapely.Point(place)) or any(disc.intersects(t) for t in taken):
-                continue
-            taken.append(disc.buffer(0.02))
-            pose = at(place, float(rng.uniform(-np.pi, np.pi)))
-            parts.append(Part(solid.mesh.placed(pose, top.height), solid.colour, solid.reflectance))
-            break
-    return parts
 
 
 def chair_places(
@@ -75,14 +28,14 @@ def chair_places(
     for i in range(count):
         for shift in (0.0, 0.13, -0.13, 0.26, -0.26):
             along = (start + (i + shift) * ring.length / count) % ring.length
-            place, outwards = _rim(ring, along)
+            place, outwards = rim(ring, along)
             gap = rng.uniform(-0.3, -0.2) if pushed_in else rng.uniform(0.03, 0.15)
             yaw = float(np.arctan2(outwards[1], outwards[0]) + rng.normal(0, 0.08))
             pose = at((place + outwards * (0.21 + gap)), yaw)
-            footprint = _footprint(0.44, 0.44, pose)
-            deep = footprint.intersection(hull).area > 0.75 * footprint.area
-            if not deep and not any(footprint.intersects(other) for _, other in places):
-                places.append((pose, footprint))
+            outline = footprint(0.44, 0.44, pose)
+            deep = outline.intersection(hull).area > 0.75 * outline.area
+            if not deep and not any(outline.intersects(other) for _, other in places):
+                places.append((pose, outline))
                 break
     return places
 
@@ -93,10 +46,10 @@ def stool_places(
     """Return the stools' poses in the table's frame, millimetres off it, and their footprints."""
     places = []
     for _ in range(count):
-        place, outwards = _rim_place(top, rng, spread=0.8)
+        place, outwards = rim_place(top, rng, spread=0.8)
         yaw = float(np.arctan2(outwards[1], outwards[0]))
         pose = at(place + outwards * (_STOOL / 2 + rng.uniform(0.002, 0.008)), yaw)
-        places.append((pose, _footprint(_STOOL, _STOOL, pose)))
+        places.append((pose, footprint(_STOOL, _STOOL, pose)))
     return places
 
 
@@ -107,7 +60,7 @@ def stool_parts(height: float, rng: np.random.Generator) -> list[Part]:
 
 def chair_parts(rng: np.random.Generator) -> list[Part]:
     """Return a chair round the origin, its back at positive x."""
-    colour = _colour(rng)
+    colour = drawn_colour(rng)
     seat = float(rng.uniform(0.43, 0.47))
     legs = [
         box(0.035, 0.035, 0.0, seat - 0.03).placed(Pose2(sx * 0.19, sy * 0.19, 0.0))
@@ -126,7 +79,7 @@ def chair_parts(rng: np.random.Generator) -> list[Part]:
 
 def couch_parts(length: float, rng: np.random.Generator) -> list[Part]:
     """Return a couch along x, its back at positive y."""
-    colour = _colour(rng)
+    colour = drawn_colour(rng)
     seat = box(length, 0.8, 0.1, 0.42)
     back = box(length, 0.2, 0.42, 0.8).placed(Pose2(0.0, 0.3, 0.0))
     arms = [box(0.18, 0.8, 0.42, 0.6).placed(Pose2(s * (length / 2 - 0.09), 0, 0)) for s in (-1, 1)]
@@ -140,7 +93,7 @@ def couch_parts(length: float, rng: np.random.Generator) -> list[Part]:
 
 def plain_table(length: float, width: float, height: float, rng: np.random.Generator) -> list[Part]:
     """Return another table round the origin, on four legs."""
-    colour = _colour(rng)
+    colour = drawn_colour(rng)
     legs = [
         box(0.05, 0.05, 0.0, height - 0.03).placed(
             Pose2(sx * (length / 2 - 0.06), sy * (width / 2 - 0.06), 0.0)
@@ -153,7 +106,7 @@ def plain_table(length: float, width: float, height: float, rng: np.random.Gener
 
 def cabinet(length: float, depth: float, height: float, rng: np.random.Generator) -> list[Part]:
     """Return a cupboard, or a shelf on four posts, round the origin."""
-    colour = _colour(rng)
+    colour = drawn_colour(rng)
     if rng.random() < 0.6:
         return [Part(box(length, depth, 0.0, height), colour)]
     posts = [
@@ -167,48 +120,31 @@ def cabinet(length: float, depth: float, height: float, rng: np.random.Generator
     return [Part(solid, colour) for solid in (*posts, *boards)]
 
 
-def _item(kind: str, scale: float, rng: np.random.Generator) -> tuple[Part, float]:
-    colour = _colour(rng)
-    reflectance = float(rng.uniform(0.25, 0.9))
-    if kind == "cylinder":
-        diameter, tall = scale * rng.uniform((0.05, 0.08), (0.1, 0.25))
-        return Part(cylinder(diameter, 0.0, tall), colour, reflectance), diameter / 2
-    if kind == "bowl":
-        radius = scale * float(rng.uniform(0.07, 0.12))
-        profile = [(0.4 * radius, 0.0), (radius, 0.6 * radius), (0.93 * radius, 0.6 * radius)]
-        return Part(revolve([*profile, (0.35 * radius, 0.008)]), colour, reflectance), radius
-    low, high = ((0.1, 0.08, 0.06), (0.28, 0.22, 0.3))
-    if kind == "book":
-        low, high = ((0.15, 0.12, 0.01), (0.3, 0.22, 0.05))
-    along, across, tall = scale * rng.uniform(low, high)
-    return Part(box(along, across, 0.0, tall), colour, reflectance), float(
-        np.hypot(along, across)
-    ) / 2
-
-
-def _colour(rng: np.random.Generator) -> tuple[float, float, float]:
+def drawn_colour(rng: np.random.Generator) -> tuple[float, float, float]:
+    """Draw a colour of the palette."""
     return _PALETTE[int(rng.integers(len(_PALETTE)))]
 
 
-def _footprint(along: float, across: float, pose: Pose2) -> shapely.Polygon:
+def footprint(along: float, across: float, pose: Pose2) -> shapely.Polygon:
+    """Return a rectangle round a pose."""
     x, y = along / 2, across / 2
     return shapely.Polygon(pose.apply([[-x, -y], [x, -y], [x, y], [-x, y]]))
 
 
-def _rim_place(top: Top, rng: np.random.Generator, *, spread: float) -> tuple[Floats, Floats]:
+def rim_place(top: Top, rng: np.random.Generator, *, spread: float) -> tuple[Floats, Floats]:
     """Draw a place on the rim, near the middle of a side where the top has corners."""
     ring = shapely.LinearRing(top.outline)
     if len(top.corners) == 0:
-        return _rim(ring, float(rng.uniform(0, ring.length)))
+        return rim(ring, float(rng.uniform(0, ring.length)))
     ends = np.roll(top.corners, -1, axis=0)
     lengths = np.linalg.norm(ends - top.corners, axis=1)
     i = int(rng.choice(len(lengths), p=lengths / lengths.sum()))
     fraction = 0.5 + spread * float(rng.uniform(-0.5, 0.5))
     place = (1 - fraction) * top.corners[i] + fraction * ends[i]
-    return _rim(ring, float(ring.project(shapely.Point(place))))
+    return rim(ring, float(ring.project(shapely.Point(place))))
 
 
-def _rim(ring: shapely.LinearRing, along: float) -> tuple[Floats, Floats]:
+def rim(ring: shapely.LinearRing, along: float) -> tuple[Floats, Floats]:
     """Return the place at a distance along the rim, and the outward normal of its side there."""
     at, before, after = (
         np.array(ring.interpolate((along + step) % ring.length).coords[0])

@@ -71,12 +71,18 @@ class Table(Section):
 
 
 class Clutter(Section):
-    """What stands on the top; ``overhang`` and ``flush`` are how many of them do so."""
+    """What stands on the top; ``overhang``, ``flush`` and ``rim`` are how many do so.
+
+    Things at the rim stand a centimetre or so inside of it. Then more are added until ``cover`` of
+    the top's area lies under things.
+    """
 
     count: int = Field(default=0, ge=0)
     items: tuple[Item, ...] = ("box", "book", "cylinder", "bowl")
     overhang: int = Field(default=0, ge=0)
     flush: int = Field(default=0, ge=0)
+    rim: int = Field(default=0, ge=0)
+    cover: float = Field(default=0.0, ge=0, le=0.6)
 
 
 class Surroundings(Section):

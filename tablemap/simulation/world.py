@@ -8,12 +8,12 @@ import numpy as np
 import shapely
 
 from tablemap.geometry import Floats, Pose2
+from tablemap.simulation.clutter import draw_clutter
 from tablemap.simulation.furniture import (
     cabinet,
     chair_parts,
     chair_places,
     couch_parts,
-    draw_clutter,
     plain_table,
     stool_parts,
     stool_places,
@@ -87,7 +87,8 @@ def draw_world(scenario: Scenario, generator: Generators, *, nominal: bool) -> W
     drawn = rng.uniform((-0.6, -0.6, 0.0), (0.6, 0.6, np.pi))
     pose = place_top(top, Pose2.from_array(drawn if table.pose is None else table.pose))
     legs = draw_legs(table.legs, top, rng, nominal=nominal)
-    local = table_parts(table, top, legs) + draw_clutter(scenario.clutter, top, rng)
+    local = table_parts(table, top, legs)
+    local += draw_clutter(scenario.clutter, top, rng, generator("crowd"))
     relief = draw_relief(table, top, generator)
     if relief:
         local = relief.shaped(local, top)
