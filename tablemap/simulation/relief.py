@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 
 from tablemap.geometry import Floats, Pose2
+from tablemap.model.shapes import shape_named
 from tablemap.simulation.meshes import Mesh, Part, refined
 from tablemap.simulation.scenario import Ground, Table
 from tablemap.simulation.seeds import Generators, clipped_normal
@@ -137,7 +138,7 @@ def draw_relief(table: Table, top: Top, generator: Generators) -> Relief | None:
         return None
     reach = np.abs(top.outline).max(axis=0)
     slope = np.tan(np.deg2rad(table.slope_sigma_deg) * unit)
-    hanging = Relief(slope, table.sag, reach, top.shape in ("circle", "ellipse"), 0.0)
+    hanging = Relief(slope, table.sag, reach, shape_named(top.shape).is_elliptic, 0.0)
     grid = np.stack(np.meshgrid(*(np.linspace(-r, r, 201) for r in reach)), axis=-1).reshape(-1, 2)
     # About the area's middle a slope has no mean of its own.
     rises = hanging.rises(grid[shapely.contains_xy(top.polygon, grid)])

@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from tablemap.errors import ConfigError
+from tablemap.model.shapes import SQUARE, NameOf, ShapeName
 
 SCENARIOS = Path(__file__).parent / "scenarios"
 SUITES = ("report", "hard", "real_sensors")
 
-Shape = Literal["circle", "ellipse", "rectangle", "square", "parallelogram", "polygon"]
 Item = Literal["box", "book", "cylinder", "bowl"]
 
 
@@ -31,7 +31,7 @@ class Legs(Section):
     """What carries the top. ``section`` is a leg's cross-section, ``size`` its diameter or side."""
 
     layout: Literal["four", "three", "pedestal", "trestle", "panels", "polygon", "none"] = "four"
-    section: Literal["circle", "square"] = "square"
+    section: Annotated[str, NameOf(lambda shape: len(shape.lengths) == 1)] = SQUARE.name
     size: float = Field(default=0.05, gt=0)
     inset: float = Field(
         default=0.06, ge=0, description="from the top's corner to the leg's middle"
@@ -43,7 +43,7 @@ class Legs(Section):
 class Table(Section):
     """The table that is to be modelled; which sizes apply depends on ``shape``."""
 
-    shape: Shape
+    shape: ShapeName
     length: float = Field(default=0.0, ge=0)
     width: float = Field(default=0.0, ge=0)
     diameter: float = Field(default=0.0, ge=0)

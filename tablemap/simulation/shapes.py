@@ -6,37 +6,40 @@ outlines are counter-clockwise.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
 
 from tablemap.errors import ConfigError
 from tablemap.geometry import Floats, Pose2
+from tablemap.model.shapes import (
+    CIRCLE,
+    ELLIPSE,
+    PARALLELOGRAM,
+    POLYGON,
+    RECTANGLE,
+    SQUARE,
+    shape_named,
+)
 from tablemap.simulation.scenario import Table
-
-_TURNS = {"square": np.pi / 2, "circle": 0.0}
-_SIZES = {
-    "circle": ("diameter",),
-    "ellipse": ("major", "minor"),
-    "rectangle": ("length", "width"),
-    "square": ("side",),
-    "parallelogram": ("length", "width"),
-    "polygon": ("corners",),
-}
 
 
 @dataclass(frozen=True, eq=False)
 class Top:
-    """A table top: ``outline`` (n, 2) counter-clockwise round its centroid, in its own frame.
+    """A table top in its own frame, round its centroid; outlines run counter-clockwise, metres.
 
-    ``corners`` (k, 2) are its few corners (empty where it is round), for legs and chairs.
+    outline: (n, 2), as its mesh has it.
+    stated: (m, 2), as the truth has it.
+    corners: (k, 2), the few that it has, for legs and chairs; none where it is round.
     """
 
     shape: str
     dimensions: dict[str, float]
     corner_radius: float | None
     outline: Floats
+    stated: Floats
     corners: Floats
     height: float
 
@@ -49,9 +52,13 @@ class Top:
 def draw_top(table: Table, rng: np.random.Generator, *, nominal: bool) -> Top:
     """Draw a top's sizes, each within the table's spread of the nominal one.
 
-    Raises `ConfigError` where a size that the shape needs is missing.
+    Raises `ConfigError` where a size that the shape needs is missing, or it cannot be simulated.
     """
-    for size in _SIZES[table.shape]:
+    if table.shape not in _DRAWN:
+        raise ConfigError(
+            f"A table of shape {table.shape!r} cannot be simulated; there are {', '.join(_DRAWN)}."
+        )
+    for size in shape_named(table.shape).lengths or ("corners",):
         if not getattr(table, size):
             raise ConfigError(
                 f"A table of shape {table.shape!r} needs table.{size}; it is missing."
@@ -60,47 +67,22 @@ def draw_top(table: Table, rng: np.random.Generator, *, nominal: bool) -> Top:
     if nominal:
         factors = np.ones(3)
     along, across, up = (float(factor) for factor in factors)
-    height = table.height * up
-    radius: float | None = None
-    corners: Floats = np.zeros((0, 2))
-    dimensions: dict[str, float] = {}
-    if table.shape == "circle":
-        dimensions = {"diameter": table.diameter * along}
-        outline = _ellipse(dimensions["diameter"], dimensions["diameter"])
-    elif table.shape == "ellipse":
-        major, minor = _ordered(table.major * along, table.minor * across)
-        dimensions = {"major": major, "minor": minor}
-        outline = _ellipse(major, minor)
-    elif table.shape == "polygon":
-        scaled = np.array(table.corners) * (along, across)
-        polygon = shapely.geometry.polygon.orient(shapely.Polygon(scaled))
-        outline = np.asarray(polygon.exterior.coords)[:-1]
-        outline = outline - np.asarray(polygon.centroid.coords)[0]
-        corners = outline
-    else:
-        length, width = _ordered(table.length * along, table.width * across)
-        angle = np.pi / 2
-        if table.shape == "square":
-            length = width = table.side * along
-            dimensions = {"side": length}
-        else:
-            dimensions = {"length": length, "width": width}
-        if table.shape == "parallelogram":
-            angle = np.deg2rad(table.angle_deg)
-            dimensions["angle"] = float(angle)
-        u, v = np.array([length, 0.0]) / 2, width / 2 * np.array([np.cos(angle), np.sin(angle)])
-        corners = np.array([-u - v, u - v, u + v, -u + v])
-        outline = corners
-        if table.corner_radius:
-            radius = table.corner_radius * along
-            outline = _rounded(length, width, radius)
-    return Top(table.shape, dimensions, radius, outline, corners, height)
+    drawn = _DRAWN[table.shape](table, along, across)
+    return Top(
+        shape=table.shape,
+        dimensions=drawn.dimensions,
+        corner_radius=drawn.corner_radius,
+        outline=drawn.outline,
+        stated=drawn.outline if drawn.stated is None else drawn.stated,
+        corners=drawn.corners,
+        height=table.height * up,
+    )
 
 
 def place_top(top: Top, pose: Pose2) -> Pose2:
     """Turn a pose by the shape's symmetry into the yaw range of table.json."""
-    turn = _TURNS.get(top.shape, np.pi)
-    if top.shape == "polygon":
+    turn = shape_named(top.shape).symmetry
+    if turn is None:
         return pose
     yaw = float(pose.yaw % turn) if turn else 0.0
     return Pose2(pose.x, pose.y, yaw)
@@ -108,30 +90,90 @@ def place_top(top: Top, pose: Pose2) -> Pose2:
 
 def surface_truth(top: Top, pose: Pose2, *, tolerance: float) -> dict[str, object]:
     """Return the truth file's ``surface``; ``tolerance`` is how far sizes are open (metres)."""
-    outline = _ellipse_in_72(top) if top.shape in ("circle", "ellipse") else top.outline
     return {
         "shape": top.shape,
         "pose": {"x": pose.x, "y": pose.y, "yaw": pose.yaw},
         "height": top.height,
         "dimensions": top.dimensions,
         "corner_radius": top.corner_radius,
-        "outline": pose.apply(outline).tolist(),
+        "outline": pose.apply(top.stated).tolist(),
         "tolerance": {"dimensions": tolerance, "height": 0.0},
     }
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """A shape of drawn sizes; fields as `Top` has them."""
+
+    dimensions: dict[str, float]
+    outline: Floats
+    corners: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+    corner_radius: float | None = None
+    stated: Floats | None = None
+
+
+def _circle(table: Table, along: float, across: float) -> _Drawn:
+    diameter = table.diameter * along
+    return _round({"diameter": diameter}, diameter, diameter)
+
+
+def _elliptical(table: Table, along: float, across: float) -> _Drawn:
+    major, minor = _ordered(table.major * along, table.minor * across)
+    return _round({"major": major, "minor": minor}, major, minor)
+
+
+def _round(dimensions: dict[str, float], major: float, minor: float) -> _Drawn:
+    # Its mesh is finer than the 72 points that table.json has.
+    return _Drawn(dimensions, _ellipse(major, minor, 144), stated=_ellipse(major, minor, 72))
+
+
+def _rectangle(table: Table, along: float, across: float) -> _Drawn:
+    length, width = _ordered(table.length * along, table.width * across)
+    return _cornered({"length": length, "width": width}, length, width, table, along)
+
+
+def _square(table: Table, along: float, across: float) -> _Drawn:
+    side = table.side * along
+    return _cornered({"side": side}, side, side, table, along)
+
+
+def _parallelogram(table: Table, along: float, across: float) -> _Drawn:
+    length, width = _ordered(table.length * along, table.width * across)
+    angle = float(np.deg2rad(table.angle_deg))
+    corners = _corners(length, width, angle)
+    return _Drawn({"length": length, "width": width, "angle": angle}, corners, corners)
+
+
+def _cornered(
+    dimensions: dict[str, float], length: float, width: float, table: Table, along: float
+) -> _Drawn:
+    corners = _corners(length, width, np.pi / 2)
+    if not table.corner_radius:
+        return _Drawn(dimensions, corners, corners)
+    radius = table.corner_radius * along
+    return _Drawn(dimensions, _rounded(length, width, radius), corners, radius)
+
+
+def _polygon(table: Table, along: float, across: float) -> _Drawn:
+    scaled = np.array(table.corners) * (along, across)
+    polygon = shapely.geometry.polygon.orient(shapely.Polygon(scaled))
+    outline = np.asarray(polygon.exterior.coords)[:-1]
+    outline = outline - np.asarray(polygon.centroid.coords)[0]
+    return _Drawn({}, outline, outline)
+
+
+def _corners(length: float, width: float, angle: float) -> Floats:
+    u, v = np.array([length, 0.0]) / 2, width / 2 * np.array([np.cos(angle), np.sin(angle)])
+    return np.array([-u - v, u - v, u + v, -u + v])
 
 
 def _ordered(first: float, second: float) -> tuple[float, float]:
     return max(first, second), min(first, second)
 
 
-def _ellipse(major: float, minor: float, count: int = 144) -> Floats:
+def _ellipse(major: float, minor: float, count: int) -> Floats:
     phase = np.arange(count) * 2 * np.pi / count
     return np.column_stack([major / 2 * np.cos(phase), minor / 2 * np.sin(phase)])
-
-
-def _ellipse_in_72(top: Top) -> Floats:
-    sizes = list(top.dimensions.values())
-    return _ellipse(sizes[0], sizes[-1], 72)
 
 
 def _rounded(length: float, width: float, radius: float, count: int = 12) -> Floats:
@@ -142,3 +184,14 @@ def _rounded(length: float, width: float, radius: float, count: int = 12) -> Flo
         phase = quarter + i * np.pi / 2
         arcs.append(centre + radius * np.column_stack([np.cos(phase), np.sin(phase)]))
     return np.concatenate(arcs)
+
+
+_DRAWN: dict[str, Callable[[Table, float, float], _Drawn]] = {
+    CIRCLE.name: _circle,
+    ELLIPSE.name: _elliptical,
+    RECTANGLE.name: _rectangle,
+    SQUARE.name: _square,
+    PARALLELOGRAM.name: _parallelogram,
+    POLYGON.name: _polygon,
+}
+"""What draws a shape that is ``along`` and ``across`` times as large as the table has it."""

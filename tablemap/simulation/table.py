@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 
 from tablemap.geometry import Floats, Pose2
+from tablemap.model.shapes import RECTANGLE, SQUARE, ShapeRecord, shape_named
 from tablemap.simulation.meshes import Mesh, Part, at, box, cylinder, inset, loft, plate, prism
 from tablemap.simulation.scenario import Legs, Table
 from tablemap.simulation.shapes import Top
@@ -20,7 +21,7 @@ _LEG_COLOUR = (0.35, 0.3, 0.28)
 class Leg:
     """A leg in the table's frame; ``length`` is a circle's diameter."""
 
-    shape: str
+    shape: ShapeRecord
     pose: Pose2
     length: float
     width: float
@@ -28,13 +29,12 @@ class Leg:
     def truth(self, map_from_table: Pose2) -> dict[str, object]:
         """Return the truth file's entry: place in the map, yaw in the range of its symmetry."""
         pose = map_from_table @ self.pose
-        if self.shape == "circle":
-            yaw, dimensions = 0.0, {"diameter": self.length}
-        else:
-            turn = np.pi / 2 if self.length == self.width else np.pi
-            yaw, dimensions = float(pose.yaw % turn), {"length": self.length, "width": self.width}
-        place = {"x": pose.x, "y": pose.y, "yaw": yaw}
-        return {"shape": self.shape, **place, "dimensions": dimensions}
+        turn = self.shape.yaw_period
+        if self.shape.is_box and self.length == self.width:
+            turn = SQUARE.yaw_period
+        place = {"x": pose.x, "y": pose.y, "yaw": float(pose.yaw % turn) if turn else 0.0}
+        dimensions = dict(zip(self.shape.lengths, (self.length, self.width), strict=False))
+        return {"shape": self.shape.name, **place, "dimensions": dimensions}
 
 
 def draw_legs(legs: Legs, top: Top, rng: np.random.Generator, *, nominal: bool) -> list[Leg]:
@@ -53,7 +53,7 @@ def draw_legs(legs: Legs, top: Top, rng: np.random.Generator, *, nominal: bool) 
     if legs.layout == "panels":
         panel = 0.8 * width
         across = (sx * (length / 2 - depth) for sx in (-1, 1))
-        return [Leg("rectangle", Pose2(x, 0.0, np.pi / 2), panel, legs.size) for x in across]
+        return [Leg(RECTANGLE, Pose2(x, 0.0, np.pi / 2), panel, legs.size) for x in across]
     if legs.layout == "polygon":
         convex = _convex(top.corners)
         return [_leg(legs, at(place, 0.0)) for place in inset(top.corners, depth)[convex]]
@@ -85,7 +85,7 @@ def table_parts(table: Table, top: Top, legs: list[Leg]) -> list[Part]:
             )
             parts.append(Part(board, table.colour, table.reflectance))
     for leg in legs:
-        if leg.shape == "circle":
+        if leg.shape.is_elliptic:
             solid = cylinder(leg.length, 0.0, under)
         else:
             solid = box(leg.length, leg.width, 0.0, under)
@@ -103,8 +103,9 @@ def table_parts(table: Table, top: Top, legs: list[Leg]) -> list[Part]:
 
 
 def _leg(legs: Legs, pose: Pose2) -> Leg:
-    shape = "circle" if legs.section == "circle" else "rectangle"
-    return Leg(shape, pose, legs.size, legs.size)
+    section = shape_named(legs.section)
+    # A square leg is a rectangle in table.json.
+    return Leg(section if section.is_section else RECTANGLE, pose, legs.size, legs.size)
 
 
 def _convex(corners: Floats) -> list[int]:

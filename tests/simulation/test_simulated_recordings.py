@@ -413,7 +413,7 @@ def test_report_recordings_are_small(name: str, tmp_path: Path) -> None:
 
 
 def test_unknown_scenario_is_refused(tmp_path: Path) -> None:
-    """An unknown name, a misspelt key and a missing size each end in one clear sentence."""
+    """An unknown name, key or shape and a missing size each end in one clear sentence."""
     with pytest.raises(ConfigError, match="no scenario named 'rectangel'"):
         load_scenario("rectangel")
     with pytest.raises(ConfigError, match="no suite named"):
@@ -424,4 +424,10 @@ def test_unknown_scenario_is_refused(tmp_path: Path) -> None:
         load_scenario(path)
     path.write_text('description = ""\n[table]\nshape = "circle"\nheight = 0.5\n')
     with pytest.raises(ConfigError, match=r"needs table\.diameter"):
+        simulate(load_scenario(path), seed=0)
+    path.write_text('description = ""\n[table]\nshape = "blob"\nheight = 0.5\n')
+    with pytest.raises(ConfigError, match=r"table\.shape: expected one of circle, .*'blob'"):
+        load_scenario(path)
+    path.write_text('description = ""\n[table]\nshape = "mesh"\nheight = 0.5\n')
+    with pytest.raises(ConfigError, match=r"'mesh' cannot be simulated; there are circle,"):
         simulate(load_scenario(path), seed=0)
