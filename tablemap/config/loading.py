@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import tomli_w
@@ -26,54 +26,66 @@ RENAMED = {
     "calibration.view_height_sigma": "sensors.view_height_sigma",
     "calibration.view_tilt_sigma_deg": "sensors.view_tilt_sigma_deg",
     "crosscheck.bias_sigma": "sensors.edge_bias_sigma",
-    "crosscheck.correlation": "tablemap/stages/crosscheck/edges.py:_CORRELATED",
-    "crosscheck.largest_sigma": "tablemap/stages/crosscheck/stage.py:_LARGEST_SIGMA",
-    "crosscheck.minimum_points": "tablemap/stages/crosscheck/edges.py:_LEAST_POINTS",
-    "crosscheck.minimum_rows": "tablemap/stages/crosscheck/sightings.py:_LEAST_ROWS",
-    "crosscheck.minimum_sightings": "tablemap/stages/crosscheck/stage.py:_LEAST_SIGHTINGS",
+    "crosscheck.correlation": "stages/crosscheck/edges.py:_CORRELATED",
+    "crosscheck.largest_sigma": "stages/crosscheck/stage.py:_LARGEST_SIGMA",
+    "crosscheck.minimum_points": "stages/crosscheck/edges.py:_LEAST_POINTS",
+    "crosscheck.minimum_rows": "stages/crosscheck/sightings.py:_LEAST_ROWS",
+    "crosscheck.minimum_sightings": "stages/crosscheck/stage.py:_LEAST_SIGHTINGS",
     "crosscheck.mounting_sigma": "sensors.laser_mounting_sigma",
     "crosscheck.mounting_yaw_sigma": "sensors.laser_mounting_yaw_sigma",
-    "crosscheck.offset_sigma": "tablemap/stages/crosscheck/solve.py:_OFFSET_SIGMA",
-    "crosscheck.points": "tablemap/stages/crosscheck/edges.py:_MOST_POINTS",
+    "crosscheck.offset_sigma": "stages/crosscheck/solve.py:_OFFSET_SIGMA",
+    "crosscheck.points": "stages/crosscheck/edges.py:_MOST_POINTS",
     "crosscheck.range_scale_sigma": "sensors.laser_range_scale_sigma_wide",
-    "crosscheck.reach": "tablemap/stages/crosscheck/edges.py:_REACH",
+    "crosscheck.reach": "stages/crosscheck/edges.py:_REACH",
     "crosscheck.rim_set_back": "sensors.rim_set_back",
     "crosscheck.scale_sigma": "sensors.calibrated_depth_scale_sigma_crosscheck",
     "crosscheck.silhouette_middle_px": "sensors.silhouette_middle_sigma_px",
     "crosscheck.silhouette_width_px": "sensors.silhouette_width_sigma_px",
-    "crosscheck.yaw_sigma": "tablemap/stages/crosscheck/solve.py:_YAW_SIGMA",
+    "crosscheck.yaw_sigma": "stages/crosscheck/solve.py:_YAW_SIGMA",
     "legs.beam_half_width": "sensors.laser_beam_half_width",
     "legs.beam_half_width_sigma": "sensors.laser_beam_half_width_sigma",
-    "legs.depth_margin": "tablemap/stages/legs/depth.py:_MARGIN",
-    "legs.depth_points": "tablemap/stages/legs/depth.py:_LEAST_PIXELS",
+    "legs.depth_margin": "stages/legs/depth.py:_MARGIN",
+    "legs.depth_points": "stages/legs/depth.py:_LEAST_PIXELS",
     "legs.depth_sigma": "sensors.depth_silhouette_sigma",
-    "legs.depth_symmetry": "tablemap/stages/legs/posts.py:DEPTH_SYMMETRY",
-    "legs.drive_position_sigma": "tablemap/stages/legs/shapes.py:_DRIVE_POSITION_SIGMA",
-    "legs.drive_yaw_sigma": "tablemap/stages/legs/shapes.py:_DRIVE_YAW_SIGMA",
-    "legs.farthest_scan": "tablemap/stages/legs/scans.py:_FARTHEST",
-    "legs.laser_symmetry": "tablemap/stages/legs/missing.py:_LASER_SYMMETRY",
-    "legs.margin": "tablemap/stages/legs/silhouettes.py:_MARGIN",
-    "legs.moving_position_sigma": "tablemap/stages/legs/evidence.py:_MOVING_POSITION_SIGMA",
-    "legs.moving_step": "tablemap/stages/legs/scans.py:_MOVING_STEP",
-    "legs.moving_yaw_sigma": "tablemap/stages/legs/evidence.py:_MOVING_YAW_SIGMA",
-    "legs.own_tangents": "tablemap/stages/legs/candidates.py:_OWN_TANGENTS",
-    "legs.pose_floor": "tablemap/stages/legs/shapes.py:_POSE_FLOOR",
+    "legs.depth_symmetry": "stages/legs/posts.py:DEPTH_SYMMETRY",
+    "legs.drive_position_sigma": "stages/legs/shapes.py:_DRIVE_POSITION_SIGMA",
+    "legs.drive_yaw_sigma": "stages/legs/shapes.py:_DRIVE_YAW_SIGMA",
+    "legs.farthest_scan": "stages/legs/scans.py:_FARTHEST",
+    "legs.laser_symmetry": "stages/legs/missing.py:_LASER_SYMMETRY",
+    "legs.margin": "stages/legs/silhouettes.py:_MARGIN",
+    "legs.moving_position_sigma": "stages/legs/evidence.py:_MOVING_POSITION_SIGMA",
+    "legs.moving_step": "stages/legs/scans.py:_MOVING_STEP",
+    "legs.moving_yaw_sigma": "stages/legs/evidence.py:_MOVING_YAW_SIGMA",
+    "legs.own_tangents": "stages/legs/candidates.py:_OWN_TANGENTS",
+    "legs.pose_floor": "stages/legs/shapes.py:_POSE_FLOOR",
     "legs.range_bias_sigma": "sensors.laser_range_bias_sigma",
     "legs.range_noise": "sensors.laser_range_noise",
     "legs.range_scale_sigma": "sensors.laser_range_scale_sigma",
-    "legs.size_systematic": "tablemap/stages/legs/shapes.py:_SIZE_SYSTEMATIC",
-    "legs.stop_position_sigma": "tablemap/stages/legs/evidence.py:STOP_POSITION_SIGMA",
-    "legs.symmetry_sigma": "tablemap/stages/legs/missing.py:_SYMMETRY_SIGMA",
-    "legs.wall_beyond": "tablemap/stages/legs/silhouettes.py:_WALL_BEYOND",
-    "legs.wall_distance": "tablemap/stages/legs/silhouettes.py:WALL_DISTANCE",
-    "legs.wall_length": "tablemap/stages/legs/silhouettes.py:_WALL_LENGTH",
+    "legs.size_systematic": "stages/legs/shapes.py:_SIZE_SYSTEMATIC",
+    "legs.stop_position_sigma": "stages/legs/evidence.py:STOP_POSITION_SIGMA",
+    "legs.symmetry_sigma": "stages/legs/missing.py:_SYMMETRY_SIGMA",
+    "legs.wall_beyond": "stages/legs/silhouettes.py:_WALL_BEYOND",
+    "legs.wall_distance": "stages/legs/silhouettes.py:WALL_DISTANCE",
+    "legs.wall_length": "stages/legs/silhouettes.py:_WALL_LENGTH",
+    "odometry.event_maps": "stages/odometry/placing.py:EVENT_MAPS",
+    "odometry.event_points": "stages/odometry/placing.py:EVENT_POINTS",
+    "odometry.gap_moves": "stages/odometry/bridging.py:_GAP_STEPS",
     "odometry.maximum_range": "sensors.laser_maximum_range_odometry",
     "odometry.maximum_speed": "sensors.localisation_jump_speed",
     "odometry.maximum_turn_deg": "sensors.localisation_jump_turn_deg_odometry",
+    "odometry.standing_every": "stages/odometry/placing.py:_STANDING_EVERY",
     "outline.baseline": "sensors.projector_baseline",
     "outline.slope_prior_deg": "sensors.calibrated_view_tilt_sigma_deg",
+    "registration.correlation": "stages/registration/laser/laser.py:_CORRELATED_BEAMS",
     "registration.depth_focal_sigma": "sensors.calibrated_focal_length_sigma",
+    "registration.depth_gates": "stages/registration/depth/depth.py:PAIR_GATES",
+    "registration.depth_kernel": "stages/registration/pairs.py:_DEPTH_KERNEL",
+    "registration.depth_loops": "stages/registration/depth/depth.py:_MOST_LOOPS",
+    "registration.depth_pair_points": "stages/registration/pairs.py:_DEPTH_PAIR_POINTS",
+    "registration.depth_rounds": "stages/registration/depth/depth.py:_ROUNDS",
     "registration.depth_scale_sigma": "sensors.calibrated_depth_scale_sigma_registration",
+    "registration.edge_correlation": "stages/registration/depth/edges.py:_CORRELATED_POINTS",
+    "registration.edge_gates": "registration.gates",
     "registration.localisation_sigma": "sensors.localisation_sigma",
     "registration.localisation_sigma_deg": "sensors.localisation_sigma_deg",
     "registration.maximum_range": "sensors.laser_maximum_range_registration",
@@ -82,8 +94,10 @@ RENAMED = {
     "registration.range_scale_sigma": "sensors.laser_range_scale_sigma_wide",
     "registration.stretch_sigma": "sensors.laser_range_scale_sigma",
     "segmentation.view_tilt_sigma_deg": "sensors.calibrated_view_tilt_sigma_deg",
+    "snapshots.jump_distance": "stages/snapshots/stops.py:_LONGEST_JUMP",
     "snapshots.jump_speed": "sensors.localisation_jump_speed",
     "snapshots.jump_turn_deg": "sensors.localisation_jump_turn_deg_snapshots",
+    "snapshots.least_stops": "stages/snapshots/stage.py:_LEAST_STOPS",
     "surface.drive_scale_sigma": "sensors.drive_scale_sigma",
     "surface.edge_set_back": "sensors.sharp_rim_set_back",
     "surface.far_bias_sigma": "sensors.far_edge_bias",
@@ -93,7 +107,7 @@ RENAMED = {
     "surface.scale_sigma": "sensors.calibrated_depth_scale_sigma_surface",
     "surface.trusted_height": "sensors.camera_height_trusted",
 }
-"""What became of settings that are gone: their new names, or file and name of a constant."""
+"""What became of settings that are gone: a new name, or a constant by its file and name."""
 
 
 def load_config(file: AnyPath | None = None, *, overrides: Sequence[str] = ()) -> Config:
@@ -111,7 +125,7 @@ def load_config(file: AnyPath | None = None, *, overrides: Sequence[str] = ()) -
             raise ConfigError(f"the config cannot be read ({error.strerror}): {file}") from error
         except (ValueError, RecursionError) as error:
             raise ConfigError(f"the config is no TOML ({error}): {file}") from error
-        old = [name for name in _names(tree) if name in RENAMED]
+        old = [name for name in RENAMED if _is_in(tree, name)]
         if old:
             raise ConfigError(
                 f"{_renamed(old[0])} (old names in the file: {len(old)}); write what you changed "
@@ -148,18 +162,17 @@ def _parse_value(text: str) -> object:
         return text
 
 
-def _names(tree: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
-    """Yield the dotted names of all settings in a tree, in its order."""
-    for key, value in tree.items():
-        if isinstance(value, Mapping):
-            yield from _names(value, f"{prefix}{key}.")
-        else:
-            yield f"{prefix}{key}"
+def _is_in(tree: Mapping[str, Any], name: str) -> bool:
+    section, _, key = name.partition(".")
+    branch = tree.get(section)
+    return isinstance(branch, Mapping) and key in branch
 
 
 def _renamed(old: str) -> str:
     file, is_constant, name = RENAMED[old].partition(":")
-    return f"{old} is a constant now: {name} in {file}" if is_constant else f"{old} is now {file}"
+    if is_constant:
+        return f"{old} is a constant now: {name} in tablemap/{file}"
+    return f"{old} is now {RENAMED[old]}"
 
 
 def _explain(error: ValidationError) -> str:

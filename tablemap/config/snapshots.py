@@ -10,12 +10,41 @@ from tablemap.config.section import Section
 class SnapshotsConfig(Section):
     """Where the robot stood still, and which images are kept."""
 
-    maximum: int = Field(default=40, ge=1, description="most snapshots kept, by new view")
-    images_per_stop: int = Field(default=10, ge=1, description="most images combined at a stop")
-    stop_seconds: float = Field(default=0.5, gt=0, description="least time that counts as a stop")
-    still_speed: float = Field(default=0.02, gt=0, description="m/s below which the base stands")
-    still_turn_deg: float = Field(default=2.0, gt=0, description="deg/s below which it stands")
-    jump_distance: float = Field(default=0.5, gt=0, description="metres, the farthest such a jump")
-    least_stops: int = Field(default=3, ge=1, description="fewer: keyframes are taken instead")
-    keyframe_distance: float = Field(default=0.15, gt=0, description="metres to a new view")
-    keyframe_angle_deg: float = Field(default=15.0, gt=0, description="degrees to a new view")
+    maximum: int = Field(
+        default=40,
+        ge=1,
+        description="snapshots; most that are kept, those that show a new view first. Higher: more "
+        "views, time and memory",
+    )
+    images_per_stop: int = Field(
+        default=10,
+        ge=1,
+        description="images; most that are combined at a stop. Higher: less noise, more time",
+    )
+    stop_seconds: float = Field(
+        default=0.5,
+        gt=0,
+        description="seconds; a shorter rest is no stop. Higher: fewer stops",
+    )
+    still_speed: float = Field(
+        default=0.02,
+        gt=0,
+        description="metres per second; below it the base stands. Higher: a pose that jitters "
+        "passes for rest, and so does slow motion, which blurs a stop",
+    )
+    still_turn_deg: float = Field(
+        default=2.0,
+        gt=0,
+        description="degrees per second; below it the base stands. Higher: as for `still_speed`",
+    )
+    keyframe_distance: float = Field(
+        default=0.15,
+        gt=0,
+        description="metres to every other view that make a new one, where the robot made no stops "
+        "or too many. Higher: fewer snapshots",
+    )
+    keyframe_angle_deg: float = Field(
+        default=15.0,
+        gt=0,
+        description="degrees to every other view that make a new one. Higher: fewer snapshots",
+    )

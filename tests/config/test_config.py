@@ -92,7 +92,7 @@ def test_what_an_old_name_points_to_is_there(old: str) -> None:
     """A setting, or a constant of a module."""
     file, is_constant, name = RENAMED[old].partition(":")
     if is_constant:
-        module = importlib.import_module(file.removesuffix(".py").replace("/", "."))
+        module = importlib.import_module(f"tablemap.{file.removesuffix('.py').replace('/', '.')}")
         assert hasattr(module, name)
     else:
         assert file in set(setting_names(Config))

@@ -5,24 +5,26 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tablemap.config import OdometryConfig
 from tablemap.geometry import Floats
 from tablemap.stages.odometry.trajectory import Trajectory, composed, undone
 
+_GAP_STEPS = 4.0  # usual ways between two scans: what is longer is a gap
+
 
 def bridge(
-    placed: Trajectory, wheels: Trajectory, *, config: OdometryConfig
+    placed: Trajectory, wheels: Trajectory, *, moved: float
 ) -> tuple[Trajectory, NDArray[np.int64]]:
     """Fill the gaps between placed scans by the wheels; return the gaps' stamps (g, 2) too.
 
     A straight line between two scans is wrong as soon as the base drove a curve between them. In a
     gap the trajectory follows the wheels, what they are off by at its end spread over the way;
     before the first and after the last scan it follows them alone. ``wheels`` are in a frame of
-    their own, and cover the stamps of ``placed``.
+    their own, and cover the stamps of ``placed``. ``moved`` (metres) is the usual way between two
+    scans.
     """
     way = wheels.way()
     at = np.searchsorted(wheels.stamps_ns, placed.stamps_ns)
-    limit = config.gap_moves * config.moved
+    limit = _GAP_STEPS * moved
     ends = np.concatenate([[0], at, [len(way) - 1]])
     pieces, gaps = [], []
     for k in np.flatnonzero(np.diff(way[ends]) > limit):

@@ -18,6 +18,13 @@ from tablemap.stages.odometry.result import OdometryMap, OdometryScan
 from tablemap.stages.odometry.sweep import points_in_base, sweep_motion
 from tablemap.stages.odometry.trajectory import Trajectory
 
+EVENT_POINTS = 360
+"""Most points of a scan that is recorded for the review."""
+
+EVENT_MAPS = 30
+"""States of KISS-ICP's map that are recorded for the review, spread over the drive."""
+
+_STANDING_EVERY = 8  # scans of a standing base, of which one is used: they say the same
 _LEAST_POINTS = 30
 
 
@@ -59,7 +66,7 @@ def place_scans(
     poses: list[Floats] = []
     left_open: list[Floats] = []
     skipped = standing = kept_prior = 0
-    between_maps_ns = (recording.end_ns - recording.start_ns) // config.event_maps
+    between_maps_ns = (recording.end_ns - recording.start_ns) // EVENT_MAPS
     last_map_ns: int | None = None
     for scan in recording.scans():
         prior = base_at(scan.stamp_ns)
@@ -78,7 +85,7 @@ def place_scans(
                 delta = last_delta
             if not _moved(delta, config):
                 standing += 1
-                if standing % config.standing_every:
+                if standing % _STANDING_EVERY:
                     skipped += 1
                     continue
         motion, _ = sweep_motion(scan, base_at)
@@ -118,7 +125,7 @@ def place_scans(
         poses.append(odom_from_base.as_array())
         turn = odom_from_base.rotation
         left_open.append(turn @ (np.eye(2) - held) @ turn.T)
-        thinned = frame[:: -(-len(frame) // config.event_points), :2]
+        thinned = frame[:: -(-len(frame) // EVENT_POINTS), :2]
         placed = odom_from_base.apply(thinned)
         record(OdometryScan(scan.stamp_ns, odom_from_base, placed, used_threshold, correction))
         if last_map_ns is None or scan.stamp_ns - last_map_ns >= between_maps_ns:

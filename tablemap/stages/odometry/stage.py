@@ -54,7 +54,7 @@ def estimate_odometry(
         if on_wheels:
             stamps = np.union1d(thinned_stamps(recording), trajectory.stamps_ns)
             wheels = known_poses(recording.odom_from_bases, stamps)
-            trajectory, gaps = bridge(trajectory, wheels, config=config)
+            trajectory, gaps = bridge(trajectory, wheels, moved=config.moved)
             warnings += _bridged(trajectory, gaps)
         open_way = _open_way(placed, trajectory.stamps_ns)
         warnings += _left_open(trajectory, open_way, "wheels" if on_wheels else "localisation")

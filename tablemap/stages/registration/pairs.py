@@ -19,6 +19,8 @@ _LEAST_SIGMA = 0.002
 _LEAST_INLIERS = 20
 _HELD_POINTS = 0.05  # what fewer points than this (a radian counts as a metre) say is noise
 _DEPTH_SIGMA = 0.01
+_DEPTH_KERNEL = 0.03  # metres: Geman-McClure's scale, as depth at three metres errs
+_DEPTH_PAIR_POINTS = 20.0  # independent points that a pair is worth at most: depth bends in patches
 _DEPTH_PRIOR = (0.05, 0.05, 0.04)
 
 
@@ -137,8 +139,6 @@ def align_depth_pair(
     target_from_source: Pose2,
     *,
     gates: tuple[float, ...],
-    kernel: float,
-    most_points: float,
     record: Record,
 ) -> Pair:
     """Align two depth views by point-to-plane steps in SE(2) over Open3D's correspondences.
@@ -149,13 +149,13 @@ def align_depth_pair(
     pose, iteration, gate = target_from_source, 0, gates[0]
     record(PairStarted(source, target, pose, clouds[0].points, clouds[1].points))
     for gate in gates:
-        scale = max(kernel, gate / 3)
+        scale = max(_DEPTH_KERNEL, gate / 3)
         for _ in range(_ITERATIONS_A_GATE):
             rows, residuals, share = correspondences(clouds, pose, gate=gate)
             if len(residuals) < _LEAST_INLIERS:
                 break
             weight = np.square(scale**2 / (scale**2 + residuals**2))
-            weight /= _DEPTH_SIGMA**2 * max(float(weight.sum()) / most_points, 1.0)
+            weight /= _DEPTH_SIGMA**2 * max(float(weight.sum()) / _DEPTH_PAIR_POINTS, 1.0)
             apart = pose.as_array() - target_from_source.as_array()
             apart[2] = wrap_angle(apart[2])
             step = np.linalg.solve(
@@ -174,9 +174,9 @@ def align_depth_pair(
         clouds,
         pose,
         gate=gate,
-        kernel=kernel,
+        kernel=_DEPTH_KERNEL,
         correlation=1.0,
-        most_points=most_points,
+        most_points=_DEPTH_PAIR_POINTS,
         least_sigma=_DEPTH_SIGMA,
     )
 

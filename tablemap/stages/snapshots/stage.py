@@ -20,6 +20,8 @@ from tablemap.stages.snapshots.stops import (
     standing_intervals,
 )
 
+_LEAST_STOPS = 3  # with a tenth of the images: a robot that stopped by plan, not by chance
+
 
 def take_snapshots(
     recording: Recording, *, config: SnapshotsConfig, sensors: SensorsConfig
@@ -104,7 +106,7 @@ def _plan(
         if len(inside):
             stops.append(Viewpoint(start, end, inside))
     standing = sum(len(stop.stamps_ns) for stop in stops)
-    if len(stops) >= config.least_stops and 10 * standing >= len(stamps):
+    if len(stops) >= _LEAST_STOPS and 10 * standing >= len(stamps):
         return "stops", stops
     if stops and 2 * standing >= len(stamps):
         return "stops", stops

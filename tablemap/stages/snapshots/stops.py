@@ -13,6 +13,7 @@ from tablemap.recording import Recording
 
 SECOND_NS = 1_000_000_000
 SAME_PLACE_M, SAME_HEADING = 0.02, np.deg2rad(1.0)
+_LONGEST_JUMP = 0.5  # metres: a pose that leaps further is lost, not corrected
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,7 @@ def standing_intervals(
         # A jump is faster than any indoor robot, short, and over at once: the base did not move.
         fastest = np.deg2rad(sensors.localisation_jump_turn_deg_snapshots)
         jump = (speed > sensors.localisation_jump_speed) | (turn > fastest)
-        jump &= np.linalg.norm(steps[:, :2], axis=1) < config.jump_distance
+        jump &= np.linalg.norm(steps[:, :2], axis=1) < _LONGEST_JUMP
         lone = jump.copy()
         lone[1:-1] &= still[:-2] & still[2:]
         lone[[0, -1]] = False

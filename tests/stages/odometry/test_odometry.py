@@ -17,6 +17,7 @@ from tablemap.stages.odometry import (
     points_in_base,
 )
 from tablemap.stages.odometry.constraint import constrained, held_share
+from tablemap.stages.odometry.placing import EVENT_MAPS, EVENT_POINTS
 from tests.making.rooms import BASE_FROM_LASER, Drive, corridor, relative_errors, room
 
 SENSORS = SensorsConfig()
@@ -76,7 +77,7 @@ def test_every_used_scan_is_recorded_in_order_and_thinned(
     assert odometry.scans_used + odometry.scans_skipped == len(drive.stamps)
     assert odometry.scans_skipped > 0
     assert (np.diff(odometry.trajectory.stamps_ns) > 0).all()
-    assert max(len(scan.points) for scan in scans) <= OdometryConfig().event_points
+    assert max(len(scan.points) for scan in scans) <= EVENT_POINTS
 
 
 def test_what_scans_are_registered_to_is_recorded_now_and_then(
@@ -85,7 +86,7 @@ def test_what_scans_are_registered_to_is_recorded_now_and_then(
     """KISS-ICP's map grows round the room; the last one is that of the last scan."""
     _, odometry, events = lap
     maps = [event for event in events if isinstance(event, OdometryMap)]
-    assert 2 <= len(maps) <= OdometryConfig().event_maps + 1
+    assert 2 <= len(maps) <= EVENT_MAPS + 1
     assert maps[-1].stamp_ns == odometry.trajectory.stamps_ns[-1]
     assert len(maps[-1].points) > len(maps[0].points) > 100
     scans = {event.stamp_ns: event for event in events if isinstance(event, OdometryScan)}

@@ -47,7 +47,12 @@ from tablemap.stages.registration.solution import (
 )
 from tablemap.stages.snapshots import Snapshot
 
+PAIR_GATES = (0.2, 0.12, 0.07)
+"""Metres within which the points of two depth views correspond, one gate after the other."""
+
+_ROUNDS = 2  # times that the pairs are aligned and the graph is solved
 _GAPS = (1, 2, 3, 5, 8)
+_MOST_LOOPS = 6  # pairs of a view beside those of `_GAPS`: more say the same
 _OVERLAP_REACH = 0.2
 _OVERLAP_POINTS = 150
 _LEAST_FITNESS = 0.1  # less of a view's points find a partner anywhere, by chance
@@ -90,7 +95,7 @@ def register_depth(
     graph = solve_graph(initial, edges, anchors)
     pairs: list[Pair] = []
     aligned: dict[tuple[int, int], Pair] = {}
-    for round_ in range(config.depth_rounds):
+    for round_ in range(_ROUNDS):
         located = pose_list(graph.poses)
         for source, target, kind in choose_views(clouds, located, config):
             start = located[target].inverse() @ located[source]
@@ -104,9 +109,7 @@ def register_depth(
                 (sources[source], clouds[target]),
                 start,
                 # What the graph has laid right needs no wide gate again.
-                gates=config.depth_gates[min(round_, len(config.depth_gates) - 1) :],
-                kernel=config.depth_kernel,
-                most_points=config.depth_pair_points,
+                gates=PAIR_GATES[min(round_, len(PAIR_GATES) - 1) :],
                 record=record,
             )
         graph, pairs = _solve(graph, list(aligned.values()), edges, anchors)
@@ -219,7 +222,7 @@ def choose_views(
                 chosen[i, j] = "depth"
             else:
                 shares.append((share, j))
-        for _, j in sorted(shares, reverse=True)[: config.depth_loops]:
+        for _, j in sorted(shares, reverse=True)[:_MOST_LOOPS]:
             chosen[i, j] = "loop"
     return [(s, t, kind) for (s, t), kind in sorted(chosen.items())]
 

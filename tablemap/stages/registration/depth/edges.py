@@ -19,6 +19,7 @@ from tablemap.stages.registration.result import StopScan
 from tablemap.stages.snapshots import Snapshot
 
 _LEAST_POINTS = 15
+_CORRELATED_POINTS = 15.0  # neighbouring edge points that err together: they count as one
 _SETTLED = 1e-4  # a tenth of a millimetre: what is left of it is noise
 _POLISHES = 3
 # A turn about the top shows where it costs so much of the mean likelihood.
@@ -85,7 +86,7 @@ def lay_edges(
         # Neighbours, and a few from all round: the rest says the same again.
         apart = max(1, 2 * len(present) // config.partners)
         pairs = [(b, a) for b, a in pairs if b - a <= 2 or (b - a) % apart == 0]
-    gates = config.edge_gates
+    gates = config.gates
     limits = np.array([np.inf if edge.robust is None else edge.robust for edge in held])
     information = np.array([edge.information for edge in held]).reshape(-1, 3, 3)
     kept = np.ones(len(held), dtype=bool) if let_go is None else ~let_go
@@ -98,7 +99,7 @@ def lay_edges(
             believed,
             gates=gates,
             kernel=config.kernel,
-            correlation=config.edge_correlation,
+            correlation=_CORRELATED_POINTS,
             bias_sigma=sensors.calibrated_depth_scale_sigma_registration,
             settled=_SETTLED,
         )
@@ -109,7 +110,7 @@ def lay_edges(
             break
         kept = agree
         # What is left to find is near.
-        gates = config.edge_gates[-2:]
+        gates = config.gates[-2:]
     return Laid(polished, kept)
 
 

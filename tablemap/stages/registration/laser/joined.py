@@ -11,7 +11,7 @@ from tablemap.config import RegistrationConfig
 from tablemap.events import Record
 from tablemap.geometry import Floats
 from tablemap.stages.registration.depth.cloud import balanced_cloud, upright_cloud
-from tablemap.stages.registration.depth.depth import choose_views
+from tablemap.stages.registration.depth.depth import PAIR_GATES, choose_views
 from tablemap.stages.registration.depth.held import PAIR_SIGMA
 from tablemap.stages.registration.pairs import align_depth_pair
 from tablemap.stages.registration.result import Pair, StopCheck, StopScan
@@ -58,9 +58,7 @@ def depth_pairs(
             kind,
             (clouds[source], clouds[target]),
             located[target].inverse() @ located[source],
-            gates=config.depth_gates,
-            kernel=config.depth_kernel,
-            most_points=config.depth_pair_points,
+            gates=PAIR_GATES,
             record=record,
         )
         for source, target, kind in choose_views(clouds, located, config)

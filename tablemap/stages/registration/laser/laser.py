@@ -39,6 +39,7 @@ from tablemap.stages.registration.solution import (
 )
 from tablemap.stages.snapshots import Snapshot
 
+_CORRELATED_BEAMS = 8.0  # neighbouring beams hit one surface and err together: they count as one
 _PAIR_ROBUST = 25.0
 _LEAST_PAIR_SIGMA = (0.003, 0.003, 0.002)  # no pair is believed further than this
 _SEARCH_ROUNDS = 3
@@ -143,7 +144,7 @@ def _attempt(
                 located[target].inverse() @ located[source],
                 gates=config.gates,
                 kernel=config.kernel,
-                correlation=config.correlation,
+                correlation=_CORRELATED_BEAMS,
                 record=record,
             )
     pairs = [aligned[key] for key in chosen]
@@ -168,7 +169,7 @@ def _attempt(
         held,
         gates=config.gates,
         kernel=config.kernel,
-        correlation=config.correlation,
+        correlation=_CORRELATED_BEAMS,
         bias_sigma=sensors.laser_range_bias_sigma,
     )
     checks = tuple(
