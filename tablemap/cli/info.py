@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tablemap.cli.options import Debug, Json
+from tablemap.cli.options import Debug, End, Json, Start, window
 
 if TYPE_CHECKING:
     from tablemap.recording import RecordingInfo
@@ -21,6 +21,8 @@ def info(
         list[str] | None,
         typer.Option("--set", help="A topics setting; repeatable.", metavar="TOPICS.KEY=NAME"),
     ] = None,
+    start: Start = None,
+    end: End = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
@@ -28,7 +30,9 @@ def info(
     from tablemap.config import load_config
     from tablemap.recording import inspect
 
-    found = inspect(recording, topics=load_config(overrides=settings or ()).topics)
+    found = inspect(
+        recording, topics=load_config(overrides=[*(settings or ()), *window(start, end)]).topics
+    )
     if as_json:
         typer.echo(json.dumps(found.to_dict(), indent=1))
     else:

@@ -14,7 +14,25 @@ Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on 
 ConfigFile = Annotated[
     Path | None, typer.Option("--config", help="Settings in TOML.", metavar="FILE")
 ]
+Start = Annotated[
+    str | None,
+    typer.Option(
+        "--start",
+        help="Read from here on: seconds from the begin (-: before the end), or a date.",
+        metavar="WHEN",
+    ),
+]
+End = Annotated[
+    str | None,
+    typer.Option("--end", help="Read up to here, given as --start is.", metavar="WHEN"),
+]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", help="One setting; repeatable.", metavar="SECTION.KEY=VALUE"),
 ]
+
+
+def window(start: str | None, end: str | None) -> list[str]:
+    """Return the settings of ``--start`` and ``--end``."""
+    given = {"start": start, "end": end}
+    return [f"topics.{name}={when}" for name, when in given.items() if when is not None]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from tablemap.cli.options import ConfigFile, Debug, Settings
+from tablemap.cli.options import ConfigFile, Debug, End, Settings, Start, window
 from tablemap.cli.printing import aligned, outcome_line, outcome_rows, print_model, stderr_console
 from tablemap.errors import TablemapError
 
@@ -33,6 +33,8 @@ def process(
     ] = Path("runs"),
     config: ConfigFile = None,
     settings: Settings = None,
+    start: Start = None,
+    end: End = None,
     near: Annotated[
         tuple[float, float] | None,
         typer.Option("--near", help="The table nearest to this place in the map.", metavar="X Y"),
@@ -84,7 +86,7 @@ def process(
     if scheduler and (jobs > 1 or live):
         raise typer.BadParameter("--scheduler excludes --jobs and --live.")
     tables: Tables = near or ("all" if every_table else "best")
-    chosen = [f"review.level={level}"] if level else []
+    chosen = [*window(start, end), *([f"review.level={level}"] if level else [])]
     resolved = load_config(config, overrides=[*(settings or ()), *chosen])
     if formats:
         from tablemap.export import check_formats

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from pydantic import Field
+import math
+from datetime import datetime
+
+from pydantic import Field, field_validator
 
 from tablemap.config.section import Section
 
@@ -17,3 +20,32 @@ class TopicsConfig(Section):
     fixed_frame: str = Field(default="", description="TF frame that the model is to be in")
     odom_frame: str = Field(default="", description="TF frame of the wheel odometry")
     base_frame: str = Field(default="", description="TF frame of the robot's base")
+    start: str = Field(
+        default="",
+        description="from when on to read: seconds from the begin (-: before the end), or a date",
+    )
+    end: str = Field(
+        default="",
+        description="until when to read: seconds from the begin (-: before the end), or a date",
+    )
+
+    @field_validator("start", "end", mode="before")
+    @classmethod
+    def _as_moment(cls, given: object) -> str:
+        """Take what TOML has as a number or a date, too."""
+        text = given.isoformat() if isinstance(given, datetime) else str(given)
+        if not text or _is_number(text):
+            return text
+        try:
+            datetime.fromisoformat(text)
+        except ValueError:
+            expected = "expected seconds, or a date and time such as 2026-11-22T08:59:56"
+            raise ValueError(expected) from None
+        return text
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False

@@ -30,6 +30,7 @@ from tablemap.recording.topics import (
     list_topics,
     missing_roles,
 )
+from tablemap.recording.window import windowed
 
 _MOST_PLACES = 64  # of the recording, that are read for the TF tree
 
@@ -116,7 +117,8 @@ def inspect(path: AnyPath, *, topics: TopicsConfig | None = None) -> RecordingIn
     """
     config = topics or TopicsConfig()
     warnings: list[ProcessWarning] = []
-    with closing(open_source(path, warnings=warnings)) as source:
+    with closing(open_source(path, warnings=warnings)) as whole:
+        source = windowed(whole, config.start, config.end)
         known = list_topics(source)
         names = sorted({channel.topic for channel in source.channels.values()})
         roles, choices = find_roles(known, config, all_names=names)

@@ -29,6 +29,7 @@ from tablemap.recording.topics import (
     list_topics,
     missing_roles,
 )
+from tablemap.recording.window import windowed
 
 
 @dataclass(frozen=True, eq=False)
@@ -319,9 +320,11 @@ def open_recording(path: AnyPath, *, topics: TopicsConfig | None = None) -> Reco
     is no MCAP, or lacks depth, its calibration or a pose.
     """
     warnings: list[ProcessWarning] = []
+    config = topics or TopicsConfig()
     source = open_source(path, warnings=warnings)
     try:
-        return Recording(as_path(path), source, topics=topics or TopicsConfig(), warnings=warnings)
+        part = windowed(source, config.start, config.end)
+        return Recording(as_path(path), part, topics=config, warnings=warnings)
     except BaseException:
         source.close()
         raise

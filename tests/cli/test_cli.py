@@ -179,7 +179,10 @@ def test_a_disk_that_takes_no_more_fails_the_run_and_ends_it(
 
 
 WRONG = {
-    "process text.mcap -q": (1, "tablemap: Expected an MCAP file and found text: text.mcap"),
+    "process text.mcap -q": (
+        1,
+        "tablemap: Expected a recording (an MCAP or a bag) and found text: text.mcap",
+    ),
     "process text.mcap -o text.mcap": (1, None),
     "process text.mcap --config none.toml": (
         2,
