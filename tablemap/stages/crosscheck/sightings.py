@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tablemap.geometry import Floats, Pose2, invert, transform
+from tablemap.model.shapes import ShapeRecord, shape_named
 from tablemap.stages.crosscheck.rows import Rows, bias_row, stacked, together
 from tablemap.stages.legs import Leg
-from tablemap.stages.legs.primitives import support, surface_distance
+from tablemap.stages.legs.primitives import has_yaw, support, surface_distance
 from tablemap.stages.registration import Registration
 from tablemap.stages.snapshots import Snapshot
 
@@ -93,8 +94,9 @@ def _sighted(snapshot: Snapshot, pose: Pose2, leg: Leg, height: float) -> _Sight
     eye = snapshot.base_from_camera[:2, 3]
     centre = pose.inverse().apply(np.array([leg.x, leg.y]))
     away = float(np.hypot(*(centre - eye)))
+    kind = shape_named(leg.shape)
     sizes = [figure.value for figure in leg.dimensions.values()]
-    radius = 0.5 * (sizes[0] if leg.shape == "circle" else float(np.linalg.norm(sizes)))
+    radius = 0.5 * (sizes[0] if kind.is_elliptic else float(np.linalg.norm(sizes)))
     if away < radius + 0.3 or height < _LOW + _UNDER_TOP + 0.1:
         return None
     sight = (centre - eye) / away
@@ -131,7 +133,6 @@ def _sighted(snapshot: Snapshot, pose: Pose2, leg: Leg, height: float) -> _Sight
     if not 0.5 * min(sizes) - pixel < width < 2.0 * radius + 2.0 * pixel + 0.01:
         return None
     values = _values(leg, centre, pose)
-    kind = "circle" if leg.shape == "circle" else "rectangle"
     places, normals, distances, variances, biases = [], [], [], [], []
     for sign, ray, spread in tangents:
         normal = sign * np.array([-ray[1], ray[0]])
@@ -223,13 +224,12 @@ def _upright(angles: Floats, levels: Floats) -> tuple[float, float, float]:
 def _values(leg: Leg, centre: Floats, pose: Pose2) -> Floats:
     """Return the leg's parameters in the base, as the fit of primitives has them."""
     sizes = [figure.value for figure in leg.dimensions.values()]
-    if leg.shape == "circle":
-        return np.array([*centre, sizes[0]])
-    return np.array([*centre, *sizes, leg.yaw - pose.yaw])
+    yaw = [leg.yaw - pose.yaw] if has_yaw(shape_named(leg.shape)) else []
+    return np.array([*centre, *sizes, *yaw])
 
 
 def _face(
-    kind: str, values: Floats, points: Floats, rays: Floats, on: NDArray[np.bool_]
+    kind: ShapeRecord, values: Floats, points: Floats, rays: Floats, on: NDArray[np.bool_]
 ) -> tuple[float, Floats, float, Floats] | None:
     """Return the face's median distance, mean normal (2,), robust spread and middle (2,)."""
     inner = on.copy()

@@ -8,6 +8,7 @@ import numpy as np
 
 from tablemap.config import LegsConfig, SensorsConfig
 from tablemap.geometry import Floats, Pose2
+from tablemap.model.shapes import CIRCLE, RECTANGLE, SQUARE, ShapeRecord
 from tablemap.stages.legs.chairs import chair_like
 from tablemap.stages.legs.clusters import Cluster, Persistence, find_clusters, persistence
 from tablemap.stages.legs.depth import Reach, reach
@@ -19,6 +20,7 @@ from tablemap.stages.legs.evidence import (
 )
 from tablemap.stages.legs.fit import Fit, Priors, criterion, fit_alone
 from tablemap.stages.legs.layout import Frame, table_sets
+from tablemap.stages.legs.primitives import sizes_of
 from tablemap.stages.legs.scans import Scans
 from tablemap.stages.legs.silhouettes import Segments, Walls, beam_points, find_segments
 from tablemap.stages.snapshots import Snapshot
@@ -36,13 +38,13 @@ class Candidate:
     place: Floats
     points: Floats
     evidence: Evidence | None
-    fits: dict[str, Fit]
+    fits: dict[ShapeRecord, Fit]
     stayed: Persistence
     reach: Reach
     reason: str | None
 
     @property
-    def kind(self) -> str:
+    def kind(self) -> ShapeRecord:
         """The shape that its own evidence prefers."""
         return min(self.fits, key=lambda kind: criterion(self.fits[kind]))
 
@@ -52,8 +54,7 @@ class Candidate:
         if not self.fits:
             return self.cluster.size
         fit = self.fits[self.kind]
-        sizes = fit.parameters[0, 2 : 4 if self.kind == "rectangle" else 3]
-        return float(sizes.max())
+        return float(fit.parameters[0, sizes_of(self.kind)].max())
 
 
 def find_candidates(
@@ -127,7 +128,7 @@ def _own_fits(
     evidence: Evidence,
     frame: Frame,
     sensors: SensorsConfig,
-) -> dict[str, Fit]:
+) -> dict[ShapeRecord, Fit]:
     """Fit the cluster by itself: poses are held, and what they may be off goes into the sigmas."""
     few = thinned(evidence, _OWN_TANGENTS)
     alone = replace(
@@ -138,9 +139,9 @@ def _own_fits(
     priors = Priors(
         None, (sensors.laser_beam_half_width, 1e-4), (0.0, sensors.laser_range_bias_sigma)
     )
-    kinds = ["circle", "square", "rectangle"]
+    kinds = [CIRCLE, SQUARE, RECTANGLE]
     if not cluster.slender and not frame.is_central(cluster.centre):
-        kinds = ["square", "rectangle"]
+        kinds = [SQUARE, RECTANGLE]
     yaw = frame.surface.pose.yaw
     return {
         kind: fit_alone(kind, alone, cluster.centre, cluster.size, yaw, priors=priors)
@@ -155,8 +156,8 @@ def _objection(found: Candidate, frame: Frame, config: LegsConfig) -> str | None
     if seen and stayed.share < config.persistence:
         return f"gone in {stayed.passed} of {seen} views that looked there: it moved"
     central = frame.is_central(found.place)
-    if found.kind == "rectangle":
-        length, width = np.sort(found.fits["rectangle"].parameters[0, 2:4])[::-1]
+    if found.kind is RECTANGLE:
+        length, width = np.sort(found.fits[RECTANGLE].parameters[0, sizes_of(RECTANGLE)])[::-1]
         panel = width <= config.largest_slender and length <= 2.0 * frame.half.max() + 0.1
     else:
         width, panel = size, size <= config.largest_leg

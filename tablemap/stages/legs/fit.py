@@ -9,8 +9,9 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tablemap.geometry import Floats
+from tablemap.model.shapes import ShapeRecord
 from tablemap.stages.legs.evidence import Evidence
-from tablemap.stages.legs.primitives import PARAMETERS, support, surface_distance
+from tablemap.stages.legs.primitives import has_yaw, sizes_of, support, surface_distance
 
 _CAUCHY = 2.5
 _SHARED = 1.3
@@ -46,7 +47,7 @@ class Fit:
     are each leg's residuals over their sigmas: its tangents' and its depths'.
     """
 
-    kind: str
+    kind: ShapeRecord
     parameters: Floats
     covariance: Floats
     cost: float
@@ -61,7 +62,7 @@ class Fit:
 
 
 def fit_shapes(
-    kind: str,
+    kind: ShapeRecord,
     evidence: list[Evidence],
     start: Floats,
     *,
@@ -73,10 +74,10 @@ def fit_shapes(
 
     ``start`` is (K, p); with ``tied`` the legs share their size.
     """
-    width = PARAMETERS[kind]
+    width = start.shape[1]
     legs = len(evidence)
     columns = np.arange(legs * width).reshape(legs, width)
-    sizes = slice(2, 4 if kind == "rectangle" else 3)
+    sizes = sizes_of(kind)
     if tied:
         columns[:, sizes] = columns[:1, sizes]
     _, columns = np.unique(columns, return_inverse=True)
@@ -94,8 +95,8 @@ def fit_shapes(
     mean[beam], mean[bias] = priors.beam[0], priors.bias[0]
     if groups:
         prior[poses:, poses:] = priors.information
-    held = kind != "circle" and priors.yaw is not None
-    if kind != "circle" and priors.yaw is not None:
+    held = has_yaw(kind) and priors.yaw is not None
+    if has_yaw(kind) and priors.yaw is not None:
         prior[columns[:, -1], columns[:, -1]] += priors.yaw[1] ** -2
 
     # Weak, so that a leg seen from one side alone still has a solution.
@@ -105,7 +106,7 @@ def fit_shapes(
     mean[columns] = start
     nuisances = np.array([beam, bias])
     for iteration in range(iterations):
-        if kind != "circle" and priors.yaw is not None:
+        if has_yaw(kind) and priors.yaw is not None:
             quarter = np.round((x[columns[:, -1]] - priors.yaw[0]) / (np.pi / 2))
             mean[columns[:, -1]] = priors.yaw[0] + quarter * np.pi / 2
         normal, gradient = prior.copy(), prior @ (mean - x)
@@ -115,7 +116,7 @@ def fit_shapes(
             own = np.concatenate([columns[leg], nuisances])
             _add(normal, gradient, rows, own, poses, groups)
         step = np.asarray(scipy.linalg.solve(normal, gradient, assume_a="pos"))
-        if kind != "circle":
+        if has_yaw(kind):
             step[columns[:, -1]] = np.clip(step[columns[:, -1]], -0.2, 0.2)
         x = x + step
         x[columns[:, sizes]] = np.clip(x[columns[:, sizes]], _SMALLEST, 3.0)
@@ -176,7 +177,7 @@ class _Rows:
 
 
 def _linearised(
-    kind: str,
+    kind: ShapeRecord,
     x: Floats,
     own: NDArray[np.int64],
     evidence: Evidence,
@@ -248,26 +249,34 @@ def _add(
 
 
 def fit_alone(
-    kind: str, evidence: Evidence, centre: Floats, size: float, yaw: float, *, priors: Priors
+    kind: ShapeRecord,
+    evidence: Evidence,
+    centre: Floats,
+    size: float,
+    yaw: float,
+    *,
+    priors: Priors,
 ) -> Fit:
     """Fit one leg by itself, from the best of several yaws where it has one."""
-    if kind == "circle":
+    if not has_yaw(kind):
         start = np.array([[*centre, size]])
         return fit_shapes(kind, [evidence], start, priors=priors, tied=False)
     starts = yaw + np.arange(_YAWS) / _YAWS * np.pi / 2
     first = [_at_yaw(kind, evidence, centre, angle) for angle in starts]
     best = min(first, key=lambda start: start[0])[1]
     if best[2:-1].min() < _SMALLEST or np.linalg.norm(best[:2] - centre) > size + 0.05:
-        best = np.array([*centre, *[size] * (PARAMETERS[kind] - 3), yaw])
+        best = np.array([*centre, *[size] * len(kind.lengths), yaw])
     return fit_shapes(kind, [evidence], best[None], priors=priors, tied=False)
 
 
-def _at_yaw(kind: str, evidence: Evidence, centre: Floats, yaw: float) -> tuple[float, Floats]:
+def _at_yaw(
+    kind: ShapeRecord, evidence: Evidence, centre: Floats, yaw: float
+) -> tuple[float, Floats]:
     """Fit place and sizes at a held yaw to the tangents alone, where they are linear in them.
 
     Returns the robust cost and the (p,) parameters.
     """
-    trial = np.array([*centre, *[0.0] * (PARAMETERS[kind] - 3), yaw])
+    trial = np.array([*centre, *[0.0] * len(kind.lengths), yaw])
     slope = support(kind, trial, evidence.normal)[1][:, :-1]
     target = np.einsum("ij,ij->i", evidence.normal, evidence.point - centre)
     weight = 1.0 / evidence.sigma

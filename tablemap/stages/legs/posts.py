@@ -8,12 +8,14 @@ import numpy as np
 
 from tablemap.config import SensorsConfig
 from tablemap.geometry import Floats
+from tablemap.model.shapes import CIRCLE, SQUARE
 from tablemap.stages.legs.candidates import UNDER_ANOTHER, Candidate
 from tablemap.stages.legs.clusters import persistence
 from tablemap.stages.legs.depth import Post
 from tablemap.stages.legs.evidence import STOP_POSITION_SIGMA
 from tablemap.stages.legs.fit import Fit, Priors, criterion, fit_alone
 from tablemap.stages.legs.layout import Frame, symmetric_sets
+from tablemap.stages.legs.primitives import described
 from tablemap.stages.legs.result import Leg, RejectedCluster
 from tablemap.stages.legs.scans import Scans
 from tablemap.stages.surface import Figure
@@ -110,7 +112,7 @@ def _fitted(post: Post, frame: Frame, sensors: SensorsConfig) -> Fit:
     yaw = frame.surface.pose.yaw
     fits = [
         fit_alone(kind, evidence, post.centre, post.size, yaw, priors=priors)
-        for kind in ("circle", "square")
+        for kind in (CIRCLE, SQUARE)
     ]
     return min(fits, key=criterion)
 
@@ -123,15 +125,15 @@ def _leg(one: _Fitted, sensors: SensorsConfig) -> Leg:
     place = float(
         np.sqrt(0.5 * (sigma[0] ** 2 + sigma[1] ** 2) + sensors.depth_silhouette_sigma**2)
     )
-    circle = one.fit.kind == "circle"
+    shape, yaw, sides = described(one.fit.kind, values)
     return Leg(
-        shape="circle" if circle else "rectangle",
+        shape=shape,
         x=float(values[0]),
         y=float(values[1]),
-        yaw=0.0 if circle else float(values[3] % (np.pi / 2)),
+        yaw=yaw,
         status="measured",
         position_sigma=place,
-        dimensions={"diameter": size} if circle else {"length": size, "width": size},
+        dimensions=dict.fromkeys(sides, size),
         points=one.post.points[:, :2],
         views=one.post.views,
         seen_by="depth",

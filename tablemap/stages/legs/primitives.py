@@ -1,5 +1,6 @@
 """Circle, square and rectangle: where tangents touch them, and where rays meet them.
 
+Parameters are x, y, then the lengths of the shape's record, then its yaw where it has one.
 A tangent with outward unit normal n touches a convex shape of centre c where n.p = n.c + h(n): h is
 the radius of a circle, and (l |n.u| + w |n.v|) / 2 of a rectangle with axes u and v.
 """
@@ -9,16 +10,39 @@ from __future__ import annotations
 import numpy as np
 
 from tablemap.geometry import Floats
-
-PARAMETERS = {"circle": 3, "square": 4, "rectangle": 5}
-"""x, y, then diameter; or side, yaw; or length, width, yaw."""
+from tablemap.model.shapes import CIRCLE, RECTANGLE, SQUARE, ShapeRecord
 
 _GRAZING = 0.4  # cosine of incidence under which a depth says little
 
 
-def support(kind: str, values: Floats, normal: Floats) -> tuple[Floats, Floats]:
+def sizes_of(kind: ShapeRecord) -> slice:
+    """Return which parameters are the lengths: they stand behind x and y, before a yaw."""
+    return slice(2, 2 + len(kind.lengths))
+
+
+def has_yaw(kind: ShapeRecord) -> bool:
+    """Say whether the last parameter is a yaw."""
+    return kind.yaw_period > 0
+
+
+def described(kind: ShapeRecord, values: Floats) -> tuple[str, float, dict[str, int]]:
+    """Return the section's name in the model, its yaw, and the parameter of each of its lengths.
+
+    ``values`` (p,) are the parameters. A square is a rectangle in the model.
+    """
+    if not has_yaw(kind):
+        return kind.name, 0.0, dict.fromkeys(kind.lengths, 2)
+    length, width = 2, 1 + len(kind.lengths)
+    yaw = float(values[-1])
+    if values[width] > values[length]:
+        length, width, yaw = width, length, yaw + np.pi / 2
+    sides = dict(zip(RECTANGLE.lengths, (length, width), strict=True))
+    return RECTANGLE.name, float(yaw % kind.yaw_period), sides
+
+
+def support(kind: ShapeRecord, values: Floats, normal: Floats) -> tuple[Floats, Floats]:
     """Return h (n,) and d(n.c + h)/d(values) (n, p)."""
-    if kind == "circle":
+    if kind is CIRCLE:
         h = np.full(len(normal), 0.5 * values[2])
         return h, np.column_stack([normal, np.full(len(normal), 0.5)])
     length, width, yaw = values[2], values[-2], values[-1]
@@ -26,13 +50,13 @@ def support(kind: str, values: Floats, normal: Floats) -> tuple[Floats, Floats]:
     along, across = normal @ [c, s], normal @ [-s, c]
     h = 0.5 * (length * np.abs(along) + width * np.abs(across))
     turn = 0.5 * (length * np.sign(along) * across - width * np.sign(across) * along)
-    if kind == "square":
+    if kind is SQUARE:
         return h, np.column_stack([normal, 0.5 * (np.abs(along) + np.abs(across)), turn])
     return h, np.column_stack([normal, 0.5 * np.abs(along), 0.5 * np.abs(across), turn])
 
 
 def surface_distance(
-    kind: str, values: Floats, points: Floats, rays: Floats
+    kind: ShapeRecord, values: Floats, points: Floats, rays: Floats
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Return distances (n,) to the surface that each ray meets, along its normal (n, 2), with
     d(distance)/d(values) (n, p) and validity (n,).
@@ -41,7 +65,7 @@ def surface_distance(
     """
     offset = points - values[:2]
     along_ray = np.einsum("ij,ij->i", offset, rays)
-    if kind == "circle":
+    if kind is CIRCLE:
         radius = 0.5 * values[2]
         closest = offset - along_ray[:, None] * rays
         square = radius**2 - np.einsum("ij,ij->i", closest, closest)
@@ -71,7 +95,7 @@ def surface_distance(
     met_along, met_across = along + enter * ray_u, across + enter * ray_v
     turn = np.where(end, met_across, -met_along) * side
     half = np.full(len(points), -0.5)
-    if kind == "square":
+    if kind is SQUARE:
         slope = np.column_stack([-normals, half, turn])
     else:
         slope = np.column_stack(

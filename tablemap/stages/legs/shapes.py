@@ -9,10 +9,12 @@ from scipy.linalg import block_diag
 
 from tablemap.config import SensorsConfig
 from tablemap.geometry import Floats, wrap_angles
+from tablemap.model.shapes import CIRCLE, RECTANGLE, SQUARE, ShapeRecord
 from tablemap.stages.legs.candidates import Candidate
 from tablemap.stages.legs.evidence import Evidence
 from tablemap.stages.legs.fit import Fit, Priors, criterion, fit_shapes
 from tablemap.stages.legs.layout import Frame
+from tablemap.stages.legs.primitives import described, has_yaw, sizes_of
 from tablemap.stages.legs.result import Leg
 from tablemap.stages.legs.scans import Scans
 from tablemap.stages.registration import Registration
@@ -102,7 +104,7 @@ def _alike(accepted: list[Candidate]) -> list[list[Candidate]]:
 
 
 def _diameter(candidate: Candidate) -> tuple[float, float]:
-    kind = "circle" if "circle" in candidate.fits else "rectangle"
+    kind = CIRCLE if CIRCLE in candidate.fits else RECTANGLE
     fit = candidate.fits[kind]
     return float(fit.parameters[0, 2]), float(np.sqrt(fit.covariance[0, 2, 2]))
 
@@ -143,7 +145,7 @@ def _robust_scale(misfit: Floats) -> float:
 def _best(
     group: list[Candidate],
     evidence: list[Evidence],
-    kinds: tuple[str, ...],
+    kinds: tuple[ShapeRecord, ...],
     information: Floats,
     frame: Frame,
     sensors: SensorsConfig,
@@ -152,16 +154,16 @@ def _best(
     fits = []
     for kind in kinds:
         start = np.stack([c.fits[kind].parameters[0] for c in group])
-        if kind == "rectangle":
+        if kind is RECTANGLE:
             start = _ordered(start)
         sigma = np.array([np.sqrt(c.fits[kind].covariance[0, -1, -1]) for c in group])
         yaw = None
-        if kind != "circle" and not frame.record.is_round:
+        if has_yaw(kind) and not frame.record.is_round:
             axis = frame.surface.pose.yaw
             off = np.abs(wrap_angles(start[:, -1] - axis, np.pi / 2))
             if (off < 3.0 * np.hypot(sigma, _YAW_SIGMA)).all():
                 yaw = (axis, _YAW_SIGMA)
-                if kind == "square":
+                if kind is SQUARE:
                     start[:, -1] = axis
         priors = Priors(
             information,
@@ -170,7 +172,7 @@ def _best(
             yaw,
         )
         middle = start.copy()
-        sizes = slice(2, 4 if kind == "rectangle" else 3)
+        sizes = sizes_of(kind)
         middle[:, sizes] = np.median(start[:, sizes], axis=0)
         fits.append(fit_shapes(kind, evidence, middle, priors=priors, tied=True))
     return min(fits, key=_doubted)
@@ -178,7 +180,7 @@ def _best(
 
 def _doubted(fit: Fit) -> float:
     """Return the criterion, with what a nearly square rectangle must win by: such legs are rare."""
-    if fit.kind != "rectangle":
+    if fit.kind is not RECTANGLE:
         return criterion(fit)
     long, short = np.max(fit.parameters[0, 2:4]), np.min(fit.parameters[0, 2:4])
     return criterion(fit) + (_RARE if long < _ELONGATED * short else 0.0)
@@ -223,16 +225,7 @@ def _leg(
     def figure(i: int) -> Figure:
         return Figure(float(values[i]), float(np.hypot(sigma[i], size_systematic)))
 
-    if fit.kind == "circle":
-        shape, yaw, dimensions = "circle", 0.0, {"diameter": figure(2)}
-    elif fit.kind == "square":
-        shape, yaw = "rectangle", float(values[3] % (np.pi / 2))
-        dimensions = {"length": figure(2), "width": figure(2)}
-    else:
-        length, width = (2, 3) if values[2] >= values[3] else (3, 2)
-        shape = "rectangle"
-        yaw = float((values[4] + (0.0 if length == 2 else np.pi / 2)) % np.pi)
-        dimensions = {"length": figure(length), "width": figure(width)}
+    shape, yaw, sides = described(fit.kind, values)
     assert candidate.evidence is not None
     return Leg(
         shape=shape,
@@ -241,7 +234,7 @@ def _leg(
         yaw=yaw,
         status="measured",
         position_sigma=place,
-        dimensions=dimensions,
+        dimensions={name: figure(i) for name, i in sides.items()},
         points=candidate.points,
         views=candidate.evidence.stops,
         scale_sigma=systematic,
