@@ -162,6 +162,21 @@ class DepthCamera:
                 plain = (distorted - shift) / radial[:, None]
         return np.column_stack([plain, np.ones(len(plain))])
 
+    def sees(self, points: Floats) -> NDArray[np.bool_]:
+        """Return which points (n, 3) of the camera's frame lie within its image."""
+        ahead = points[:, 2] > 0
+        x, y = (points[:, :2] / np.where(ahead, points[:, 2], 1.0)[:, None]).T
+        k1, k2, p1, p2, k3 = self.settings.distortion
+        r2 = x * x + y * y
+        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+        v = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+        u, v = self.k[0, 0] * u + self.k[0, 2], self.k[1, 1] * v + self.k[1, 2]
+        within = (np.abs(u + 0.5 - self.width / 2) < self.width / 2) & (
+            np.abs(v + 0.5 - self.height / 2) < self.height / 2
+        )
+        return np.asarray(ahead & within)
+
     def view(self, scene: Scene, glass: Scene | None, map_from_camera: Floats) -> View:
         """Cast one ray a pixel and find where depth jumps."""
         rays = self._rays @ map_from_camera[:3, :3].T

@@ -171,7 +171,6 @@ class _Pictures:
         self._messages = messages
         self._camera = simulation.camera
         self._rng = simulation.generator("images")
-        self._scenes: dict[bool, Scene] = {}
         glass = [part for part in simulation.world.parts if part.glass]
         self._glass = Scene(glass) if glass else None
         self._view: View | None = None
@@ -207,15 +206,7 @@ class _Pictures:
     def _seen(self, second: float) -> View:
         simulation = self._simulation
         pose = simulation.map_from_camera(second)
-        moved = bool(second >= simulation.moved_second)
-        people = simulation.world.people
-        if people:
-            walking = [part for person in people for part in person.parts(second)]
-            scene = Scene([*simulation.parts(moved=moved), *walking])
-            return self._camera.view(scene, self._glass, pose)
-        if moved not in self._scenes:
-            self._scenes[moved] = Scene(simulation.parts(moved=moved))
-        scene = self._scenes[moved]
+        scene = simulation.scene(second)
         view = self._view
         if view is None or view.scene is not scene or (view.map_from_camera != pose).any():
             view = self._camera.view(scene, self._glass, pose)

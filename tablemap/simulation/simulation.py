@@ -14,8 +14,10 @@ from tablemap.simulation.drive import Belief, Drive, believe, draw_drive
 from tablemap.simulation.laser import LaserErrors
 from tablemap.simulation.meshes import Part
 from tablemap.simulation.scenario import Robot, Scenario
+from tablemap.simulation.scene import Scene
 from tablemap.simulation.seeds import Generators, generators
 from tablemap.simulation.shapes import surface_truth
+from tablemap.simulation.visibility import TopSeen, places_on_top, top_seen
 from tablemap.simulation.world import World, draw_world
 
 _FIRST_STAMP_NS = 1_700_000_000_000_000_000
@@ -55,6 +57,20 @@ class Simulation:
         standing = tuple(part for part in self.world.parts if not part.glass)
         return standing + (self.world.after if moved else self.world.before)
 
+    def scene(self, second: float) -> Scene:
+        """Return what camera and laser meet at a time, but for glass."""
+        moved = bool(second >= self.moved_second)
+        if self.world.people:
+            walking = [part for person in self.world.people for part in person.parts(second)]
+            return Scene([*self.parts(moved=moved), *walking])
+        if moved not in self._scenes:
+            self._scenes[moved] = Scene(self.parts(moved=moved))
+        return self._scenes[moved]
+
+    @cached_property
+    def _scenes(self) -> dict[bool, Scene]:
+        return {}
+
     def map_from_camera(self, second: float) -> Floats:
         """Return the true (4, 4) pose of the optical frame."""
         at = np.array([second])
@@ -79,6 +95,21 @@ class Simulation:
         """The (n, 3) true poses of the base at the images."""
         return self.drive.base(self.image_seconds)
 
+    @cached_property
+    def tops_seen(self) -> list[TopSeen]:
+        """How much of the top each image shows."""
+        places = places_on_top(self.world)
+        seen: list[TopSeen] = []
+        before: tuple[Scene, Floats] | None = None
+        for second in self.image_seconds.tolist():
+            now = self.scene(second), self.map_from_camera(second)
+            if before and before[0] is now[0] and (before[1] == now[1]).all():
+                seen.append(seen[-1])
+            else:
+                seen.append(top_seen(places, now[0], self.camera, now[1]))
+            before = now
+        return seen
+
     def truth(self) -> dict[str, object]:
         """Return the truth file: table, legs, the base at each image, the sensors' errors."""
         table, world = self.scenario.table, self.world
@@ -91,8 +122,12 @@ class Simulation:
             {
                 "stamp_ns": self.stamp_ns(second),
                 "map_from_base": {"x": pose[0], "y": pose[1], "yaw": wrap_angle(pose[2])},
+                "top_in_image": round(seen.in_image, 4),
+                "sees_top": round(seen.unhidden, 4),
             }
-            for second, pose in zip(self.image_seconds, self.true_bases.tolist(), strict=True)
+            for second, pose, seen in zip(
+                self.image_seconds, self.true_bases.tolist(), self.tops_seen, strict=True
+            )
         ]
         return {
             "schema": "tablemap/truth/1",
