@@ -30,9 +30,8 @@ def info(
     from tablemap.config import load_config
     from tablemap.recording import inspect
 
-    found = inspect(
-        recording, topics=load_config(overrides=[*(settings or ()), *window(start, end)]).topics
-    )
+    config = load_config(overrides=[*(settings or ()), *window(start, end)])
+    found = inspect(recording, topics=config.topics, limits=config.limits)
     if as_json:
         typer.echo(json.dumps(found.to_dict(), indent=1))
     else:

@@ -4,6 +4,7 @@ from tablemap.config.calibration import CalibrationConfig
 from tablemap.config.crosscheck import CrossCheckConfig
 from tablemap.config.export import ExportConfig
 from tablemap.config.legs import LegsConfig
+from tablemap.config.limits import LimitsConfig
 from tablemap.config.loading import dump_config, load_config
 from tablemap.config.odometry import OdometryConfig
 from tablemap.config.outline import OutlineConfig
@@ -23,6 +24,7 @@ __all__ = [
     "CrossCheckConfig",
     "ExportConfig",
     "LegsConfig",
+    "LimitsConfig",
     "OdometryConfig",
     "OutlineConfig",
     "RegistrationConfig",

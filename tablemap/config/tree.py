@@ -8,6 +8,7 @@ from tablemap.config.calibration import CalibrationConfig
 from tablemap.config.crosscheck import CrossCheckConfig
 from tablemap.config.export import ExportConfig
 from tablemap.config.legs import LegsConfig
+from tablemap.config.limits import LimitsConfig
 from tablemap.config.odometry import OdometryConfig
 from tablemap.config.outline import OutlineConfig
 from tablemap.config.registration import RegistrationConfig
@@ -39,3 +40,4 @@ class Config(Section):
     review: ReviewConfig = ReviewConfig()
     export: ExportConfig = ExportConfig()
     report: ReportConfig = ReportConfig()
+    limits: LimitsConfig = LimitsConfig()

@@ -186,7 +186,7 @@ def _run(case: Case, method: str, recording: Path, truth: Truth, config: Config)
 
     started = time.perf_counter()
     try:
-        opened = open_recording(recording, topics=config.topics)
+        opened = open_recording(recording, topics=config.topics, limits=config.limits)
         processed = process(opened, config=config, record=record)
         result = score(processed.model, truth)
         return RunScore(case.scenario, case.seed, method, result, None, seconds)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tablemap.config import LimitsConfig
 from tablemap.recording.decoding import TRANSFORMS, Decoder, DecodingError
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
 from tablemap.recording.raw import Source
@@ -34,8 +35,16 @@ class Channels:
     read once, here. ``say`` takes the code and the words of a warning.
     """
 
-    def __init__(self, source: Source, roles: Roles, *, say: Callable[[str, str], None]) -> None:
+    def __init__(
+        self,
+        source: Source,
+        roles: Roles,
+        *,
+        limits: LimitsConfig,
+        say: Callable[[str, str], None],
+    ) -> None:
         self._source, self._roles, self._say = source, roles, say
+        self._limits = limits
         self._decoders: dict[int, Decoder] = {}
         for topic in (roles.depth, roles.colour, roles.laser, *roles.transforms):
             if topic is not None and topic.count:
@@ -75,7 +84,7 @@ class Channels:
         self._say("recording.damaged", f"A message on {topic} was left out: it {error}.")
 
     def _decoders_of(self, topic: Topic) -> dict[int, Decoder]:
-        decoders, problem = decoders_of(topic.channels)
+        decoders, problem = decoders_of(topic.channels, self._limits)
         if topic.first is None or problem is not None:
             problem = topic.problem or problem or "cannot be read"
             self.say_undecoded(topic.name, DecodingError(problem))

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import base64
 import json
-import re
 import struct
 from collections.abc import Callable
 from contextlib import suppress
@@ -20,8 +19,18 @@ from typing import Any
 import numpy as np
 from mcap.records import Schema
 from mcap_protobuf.decoder import DecoderFactory
-from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_typestore
 
+from tablemap.config import LimitsConfig
+from tablemap.config.limits import MIB
+from tablemap.recording.claims import (
+    ClaimError,
+    Counted,
+    check_json,
+    check_message,
+    check_points,
+    check_protobuf,
+)
 from tablemap.recording.clouds import depth_of_cloud
 from tablemap.recording.messages import (
     CameraInfo,
@@ -32,7 +41,8 @@ from tablemap.recording.messages import (
     TransformStamped,
 )
 from tablemap.recording.packing import unpacked_message
-from tablemap.recording.raw import Channel, RawMessage
+from tablemap.recording.raw import LATEST_NS, Channel, RawMessage
+from tablemap.recording.schemas import SchemaError, check_types, types_of_idl, types_of_msg
 from tablemap.recording.tf.messages import Reader as DirectReader
 from tablemap.recording.tf.messages import direct_reader
 
@@ -65,8 +75,7 @@ _KINDS = {
 }
 
 
-_IDL_RULE = "=" * 80 + "\n"
-_DIRECTIVE = re.compile(r"^\s*#.*$", re.MULTILINE)
+_MOST_WORDS = 160  # characters of another program's error that are quoted
 
 
 class DecodingError(Exception):
@@ -89,13 +98,15 @@ def kind_of(channel: Channel) -> str | None:
 class Decoder:
     """Decodes the messages of one channel; everything that fails is a `DecodingError`."""
 
-    def __init__(self, channel: Channel) -> None:
+    def __init__(self, channel: Channel, limits: LimitsConfig | None = None) -> None:
+        self._limits = limits or LimitsConfig()
+        self._packed_bytes = self._unpacked_bytes = 0
         kind = kind_of(channel)
         if kind is None:
             raise DecodingError(f"has the schema {channel.schema_name!r}, which is not read")
         self.channel = channel
         self.kind = kind
-        self._parse, self._peek, self._direct = _parser(channel)
+        self._parse, self._peek, self._direct = _parser(channel, self._limits)
         self._is_static = channel.topic.rstrip("/").endswith("tf_static")
         self._convert = _converter(kind, is_static=self._is_static)
         self._may_be_packed = channel.message_encoding == "cdr"
@@ -108,12 +119,18 @@ class Decoder:
                 # What it cannot read (another byte order, say) goes to the general decoder.
                 with suppress(struct.error, UnicodeDecodeError):
                     return self._direct(data, raw.log_time_ns, self._is_static)
-            return self._convert(self._parse(data), raw.log_time_ns)
+            parsed = self._parse(data)
+            check_points(parsed, self._limits)
+            message = self._convert(parsed, raw.log_time_ns)
+            check_message(message, self._limits)
         except DecodingError:
             raise
+        except ClaimError as error:
+            raise DecodingError(str(error)) from error
         # Parsers that are generated from a schema raise anything on bytes that do not fit it.
         except Exception as error:
-            raise DecodingError(f"cannot be decoded ({error})") from error
+            raise DecodingError(f"cannot be decoded ({_brief(error)})") from error
+        return message
 
     def header(self, raw: RawMessage) -> tuple[int, str]:
         """Return the header's stamp and frame, without decoding the rest where that can be."""
@@ -121,7 +138,7 @@ class Decoder:
             try:
                 stamp_ns, frame_id = self._peek(self._unpacked(raw))
             except ValueError as error:
-                raise DecodingError(f"cannot be decoded ({error})") from error
+                raise DecodingError(f"cannot be decoded ({_brief(error)})") from error
             except (struct.error, IndexError) as error:
                 raise DecodingError("is too short for its header") from error
             return stamp_ns or raw.log_time_ns, frame_id.lstrip("/")
@@ -130,7 +147,18 @@ class Decoder:
         return message.stamp_ns, message.frame_id
 
     def _unpacked(self, raw: RawMessage) -> memoryview:
-        return unpacked_message(raw.data) if self._may_be_packed else raw.data
+        if not self._may_be_packed:
+            return raw.data
+        data = unpacked_message(raw.data, self._limits)
+        self._packed_bytes += len(raw.data)
+        self._unpacked_bytes += len(data)
+        if self._unpacked_bytes > max(
+            self._limits.unpacked_mib * MIB, self._limits.expansion * self._packed_bytes
+        ):
+            raise DecodingError(
+                f"is one of those that unpack to too much, {self._limits.over('unpacked_mib')}"
+            )
+        return data
 
 
 Parse = Callable[[memoryview], Any]
@@ -138,66 +166,84 @@ Peek = Callable[[memoryview], tuple[int, str]]
 Parser = tuple[Parse, Peek | None, DirectReader | None]
 
 
-def _parser(channel: Channel) -> Parser:
+def _parser(channel: Channel, limits: LimitsConfig) -> Parser:
     """Return what turns bytes into an object, and the short ways to the stamp and to transforms."""
     return _schema_parser(
-        channel.message_encoding, channel.schema_name, channel.schema_encoding, channel.schema_data
+        channel.message_encoding,
+        channel.schema_name,
+        channel.schema_encoding,
+        channel.schema_data,
+        limits,
     )
 
 
 @lru_cache(maxsize=256)
-def _schema_parser(encoding: str, name: str, schema_encoding: str, schema_data: bytes) -> Parser:
+def _schema_parser(
+    encoding: str, name: str, schema_encoding: str, schema_data: bytes, limits: LimitsConfig
+) -> Parser:
     """Build the parser of a schema; recordings of one robot share theirs."""
     try:
+        if len(schema_data) > limits.schema_kib * 1024:
+            over = limits.over("schema_kib")
+            raise SchemaError(f"has {len(schema_data) / 1024:.0f} KiB, {over}")
         if encoding in ("ros1", "cdr"):
-            return _ros_parser(encoding, name, schema_encoding, schema_data.decode())
+            return _ros_parser(encoding, name, schema_encoding, schema_data.decode(), limits)
         if encoding == "protobuf":
             schema = Schema(1, schema_data, schema_encoding, name)
             decode = DecoderFactory().decoder_for(encoding, schema)
             if decode is not None:
-                return (lambda data: decode(bytes(data))), None, None
+                kind = decode(b"").DESCRIPTOR
+                return (lambda data: decode(check_protobuf(data, kind, limits))), None, None
         if encoding == "json":
-            return _parse_json, None, None
+            return (lambda data: _parse_json(check_json(data, limits))), None, None
+    except SchemaError as error:
+        raise DecodingError(f"has a schema that {error}") from error
     # A schema may hold anything; what its parser raises is no business of the caller.
     except Exception as error:
-        raise DecodingError(f"has a schema that cannot be parsed ({error})") from error
+        raise DecodingError(f"has a schema that cannot be parsed ({_brief(error)})") from error
     raise DecodingError(f"is encoded as {encoding!r}, which is not read")
 
 
-def _parse_json(data: memoryview) -> Any:
-    return json.loads(bytes(data), object_hook=lambda fields: SimpleNamespace(**fields))
+def _brief(error: Exception) -> str:
+    """Return what an error says, in one line that is not long: some quote all that they read."""
+    words = " ".join(str(error).split()) or type(error).__name__
+    return words if len(words) <= _MOST_WORDS else f"{words[:_MOST_WORDS]}..."
 
 
-def _ros_parser(encoding: str, schema_name: str, schema_encoding: str, text: str) -> Parser:
+def _parse_json(text: bytes) -> Any:
+    return json.loads(text, object_hook=lambda fields: SimpleNamespace(**fields))
+
+
+def _ros_parser(
+    encoding: str, schema_name: str, schema_encoding: str, text: str, limits: LimitsConfig
+) -> Parser:
     name = schema_name if "/msg/" in schema_name else schema_name.replace("/", "/msg/")
     if not text.strip():
         store = get_typestore(Stores.ROS1_NOETIC if encoding == "ros1" else Stores.LATEST)
     else:
         store = get_typestore(Stores.EMPTY)
         is_idl = schema_encoding in ("ros2idl", "omgidl")
-        store.register(_types_from_idl(text) if is_idl else get_types_from_msg(text, name))
+        types = types_of_idl(text, limits) if is_idl else types_of_msg(text, name, limits)
+        check_types(store.fielddefs | types, name, limits, ros1=encoding == "ros1")
+        store.register(types)
+    left = [0]  # parts that the message at hand may still have
+    made: dict[str, Any] = dict(store.types)
+    for listed in check_types(store.fielddefs, name, limits, ros1=encoding == "ros1"):
+        made[listed] = Counted(left, made[listed])
+    store.types = made
     fields = store.fielddefs[name][1]
     begins_with_header = bool(fields) and fields[0][1][1] == "std_msgs/msg/Header"
     direct: DirectReader | None = None
     if _KINDS.get(schema_key(schema_name)) == TRANSFORMS:
         direct = direct_reader(store.fielddefs, name, encoding=encoding)
-    if encoding == "cdr":
-        peek = _peek_cdr if begins_with_header else None
-        return (lambda data: store.deserialize_cdr(data, name)), peek, direct
-    peek = _peek_ros1 if begins_with_header else None
-    return (lambda data: store.deserialize_ros1(data, name)), peek, direct
+    deserialize = store.deserialize_cdr if encoding == "cdr" else store.deserialize_ros1
+    peek = _peek_cdr if encoding == "cdr" else _peek_ros1
 
+    def parse(data: memoryview) -> Any:
+        left[0] = limits.message_parts
+        return deserialize(data, name)
 
-def _types_from_idl(text: str) -> dict[str, Any]:
-    """Return the types of IDL files that rosbag2 joins by a rule and a line ``IDL: NAME``."""
-    types: dict[str, Any] = {}
-    for part in text.split(_IDL_RULE):
-        head, _, rest = part.partition("\n")
-        idl = rest if head.startswith("IDL: ") else part
-        idl = _DIRECTIVE.sub("", idl)  # all that is included follows as a part of its own
-        if idl.strip():
-            types.update(get_types_from_idl(idl))
-    return types
+    return parse, peek if begins_with_header else None, direct
 
 
 def _peek_ros1(data: memoryview) -> tuple[int, str]:
@@ -379,10 +425,15 @@ def _header(message: Any, log_ns: int) -> tuple[int, str]:
 def _time_ns(time: Any) -> int:
     """Return nanoseconds of a time as ROS, protobuf or JSON spell it."""
     if hasattr(time, "nanosec"):
-        return int(time.sec) * 1_000_000_000 + int(time.nanosec)
-    if hasattr(time, "nanos"):
-        return int(time.seconds) * 1_000_000_000 + int(time.nanos)
-    return int(time.sec) * 1_000_000_000 + int(time.nsec)
+        seconds, nanoseconds = int(time.sec), int(time.nanosec)
+    elif hasattr(time, "nanos"):
+        seconds, nanoseconds = int(time.seconds), int(time.nanos)
+    else:
+        seconds, nanoseconds = int(time.sec), int(time.nsec)
+    stamp_ns = seconds * 1_000_000_000 + nanoseconds
+    if not 0 <= stamp_ns <= LATEST_NS:
+        raise ClaimError("has a time before 1970 or after the year 2262")
+    return stamp_ns
 
 
 def _bytes(data: Any) -> bytes:

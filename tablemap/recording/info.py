@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tablemap.config import TopicsConfig
+from tablemap.config import LimitsConfig, TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.paths import AnyPath, as_path
 from tablemap.recording.decoding import Decoder, DecodingError, Message
@@ -109,21 +109,23 @@ class RecordingInfo:
         return lines
 
 
-def inspect(path: AnyPath, *, topics: TopicsConfig | None = None) -> RecordingInfo:
+def inspect(
+    path: AnyPath, *, topics: TopicsConfig | None = None, limits: LimitsConfig | None = None
+) -> RecordingInfo:
     """Tell what an MCAP holds, without reading more of it than that takes.
 
     ``topics`` names topics and frames that are to be taken; roles are found where it does not.
     Raises `RecordingError` where the file is no MCAP, or has not the topics that were asked for.
     """
-    config = topics or TopicsConfig()
+    config, limits = topics or TopicsConfig(), limits or LimitsConfig()
     warnings: list[ProcessWarning] = []
-    with closing(open_source(path, warnings=warnings)) as whole:
+    with closing(open_source(path, warnings=warnings, limits=limits)) as whole:
         source = windowed(whole, config.start, config.end)
-        known = list_topics(source)
+        known = list_topics(source, limits)
         names = sorted({channel.topic for channel in source.channels.values()})
         roles, choices = find_roles(known, config, all_names=names)
         missing = missing_roles(source, roles, known)
-        tree, sampled = _sampled_tree(source, roles)
+        tree, sampled = _sampled_tree(source, roles, limits)
         frame_roles: FrameNames | None = None
         if roles.depth is not None and roles.calibration is not None:
             missing += _unfit_calibration(roles.depth, roles.calibration)
@@ -205,12 +207,12 @@ def _described(message: Message | None) -> str:
     return ""
 
 
-def _sampled_tree(source: Source, roles: Roles) -> tuple[TransformTree, bool]:
+def _sampled_tree(source: Source, roles: Roles, limits: LimitsConfig) -> tuple[TransformTree, bool]:
     """Read the transforms, of a long recording those of the static topics and of some places."""
     decoders: dict[int, Decoder] = {}
     for topic in roles.transforms:
         if topic.first is not None:
-            decoders |= decoders_of(topic.channels)[0]
+            decoders |= decoders_of(topic.channels, limits)[0]
     static = {id for id, decoder in decoders.items() if "static" in decoder.channel.topic}
     collector = TransformCollector()
     for transform in implied_transforms(roles):

@@ -9,28 +9,24 @@ from pathlib import Path
 
 import zstandard
 
+from tablemap.config import LimitsConfig
+from tablemap.config.limits import MIB
 from tablemap.errors import RecordingError
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 
-MAX_MESSAGE_BYTES = 256 * 2**20
-"""The most that one message may unpack to."""
-
-MAX_RATIO = 200
-"""How much larger than packed a file may become: sensors' logs shrink to a tenth at best."""
-
-_ALLOWANCE = 64 * 2**20
+_ALLOWANCE = 64 * MIB
 _PIECE_BYTES = 4 * 2**20
 _MESSAGE_PIECE_BYTES = 256 * 2**10
 
 
-def unpack_file(path: Path, folder: Path) -> Path:
+def unpack_file(path: Path, folder: Path, limits: LimitsConfig) -> Path:
     """Unpack a file into a folder, and return where it lies; its name loses what says packed.
 
     Raises `RecordingError` where it is damaged, unpacks to too much, or the disk has no room.
     """
     unpacked = folder / path.stem
-    left = MAX_RATIO * path.stat().st_size + _ALLOWANCE
+    left = most = limits.expansion * path.stat().st_size + _ALLOWANCE
     try:
         with (
             path.open("rb") as packed,
@@ -41,8 +37,8 @@ def unpack_file(path: Path, folder: Path) -> Path:
                 left -= len(piece)
                 if left < 0:
                     raise RecordingError(
-                        f"The file unpacks to more than {MAX_RATIO} times its size, as no "
-                        f"recording does: {path}"
+                        f"The file unpacks to more than {most / MIB:.0f} MiB, "
+                        f"{limits.over('expansion')}; raise the limit if it is sound: {path}"
                     )
                 file.write(piece)
     except zstandard.ZstdError as error:
@@ -55,7 +51,7 @@ def unpack_file(path: Path, folder: Path) -> Path:
     return unpacked
 
 
-def unpacked_message(data: memoryview) -> memoryview:
+def unpacked_message(data: memoryview, limits: LimitsConfig) -> memoryview:
     """Return a message's bytes, unpacked where rosbag2 packed them.
 
     A serialised message of ROS 2 begins with a zero byte, so that the two cannot be confused.
@@ -63,13 +59,13 @@ def unpacked_message(data: memoryview) -> memoryview:
     """
     if data[:4] != ZSTD_MAGIC:
         return data
-    pieces, left = [], MAX_MESSAGE_BYTES
+    pieces, left = [], limits.record_mib * MIB
     try:
         with zstandard.ZstdDecompressor().stream_reader(data) as reader:
             while piece := reader.read(_MESSAGE_PIECE_BYTES):
                 left -= len(piece)
                 if left < 0:
-                    raise ValueError(f"it unpacks to more than {MAX_MESSAGE_BYTES // 2**20} MiB")
+                    raise ValueError(f"it unpacks to too much, {limits.over('record_mib')}")
                 pieces.append(piece)
     except zstandard.ZstdError as error:
         raise ValueError(f"it cannot be unpacked: {error}") from error

@@ -9,6 +9,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+LATEST_NS = 2**63 - 1
+"""The last time that is one: in the year 2262."""
+
 
 @dataclass(frozen=True)
 class Channel:
@@ -24,11 +27,12 @@ class Channel:
 
 
 class RawMessage(NamedTuple):
-    """A message as recorded, not decoded."""
+    """A message as recorded, not decoded; a ``damaged`` one lay in what failed a checksum."""
 
     log_time_ns: int
     channel_id: int
     data: memoryview
+    damaged: bool = False
 
 
 class Source(Protocol):

@@ -10,7 +10,7 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tablemap.config import TopicsConfig
+from tablemap.config import LimitsConfig, TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.geometry import Floats, invert
 from tablemap.paths import AnyPath, as_path
@@ -62,17 +62,23 @@ class Recording:
     warnings: list[ProcessWarning]
 
     def __init__(
-        self, path: Path, source: Source, *, topics: TopicsConfig, warnings: list[ProcessWarning]
+        self,
+        path: Path,
+        source: Source,
+        *,
+        topics: TopicsConfig,
+        limits: LimitsConfig,
+        warnings: list[ProcessWarning],
     ) -> None:
         self.path = path
         self.source = source
         self.warnings = warnings
         self._said: set[str] = set()
-        self.roles, choices = _roles(source, topics)
+        self.roles, choices = _roles(source, topics, limits)
         self.warnings.extend(choices)
         assert self.roles.depth is not None
         assert self.roles.calibration is not None
-        self._channels = Channels(source, self.roles, say=self._say_once)
+        self._channels = Channels(source, self.roles, limits=limits, say=self._say_once)
         self.tree = self._channels.tree
         self._rectifications: dict[tuple[int, int], Rectification] = {}
         self._check_first_depth()
@@ -312,7 +318,9 @@ class Recording:
         self.close()
 
 
-def open_recording(path: AnyPath, *, topics: TopicsConfig | None = None) -> Recording:
+def open_recording(
+    path: AnyPath, *, topics: TopicsConfig | None = None, limits: LimitsConfig | None = None
+) -> Recording:
     """Open a recording, find its topics by role, and read its TF tree.
 
     ``topics`` names topics and frames that are to be taken; roles are found where it does not.
@@ -320,18 +328,20 @@ def open_recording(path: AnyPath, *, topics: TopicsConfig | None = None) -> Reco
     is no MCAP, or lacks depth, its calibration or a pose.
     """
     warnings: list[ProcessWarning] = []
-    config = topics or TopicsConfig()
-    source = open_source(path, warnings=warnings)
+    config, limits = topics or TopicsConfig(), limits or LimitsConfig()
+    source = open_source(path, warnings=warnings, limits=limits)
     try:
         part = windowed(source, config.start, config.end)
-        return Recording(as_path(path), part, topics=config, warnings=warnings)
+        return Recording(as_path(path), part, topics=config, limits=limits, warnings=warnings)
     except BaseException:
         source.close()
         raise
 
 
-def _roles(source: Source, config: TopicsConfig) -> tuple[Roles, list[ProcessWarning]]:
-    topics = list_topics(source)
+def _roles(
+    source: Source, config: TopicsConfig, limits: LimitsConfig
+) -> tuple[Roles, list[ProcessWarning]]:
+    topics = list_topics(source, limits)
     names = sorted({channel.topic for channel in source.channels.values()})
     roles, choices = find_roles(topics, config, all_names=names)
     missing = missing_roles(source, roles, topics)

@@ -10,16 +10,21 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+_SPARE_WORDS = 16  # an image takes less than a word a pixel; what is more is not looked at
+
 
 def decode_rvl(data: bytes | memoryview, *, pixels: int) -> NDArray[np.uint16]:
     """Return the (pixels,) values; raises ValueError where the data does not give that many."""
-    values = _variable_length(np.frombuffer(data, dtype="<u4", count=len(data) // 4))
+    words = min(len(data) // 4, pixels + _SPARE_WORDS)
+    values = _variable_length(np.frombuffer(data, dtype="<u4", count=words))
     starts, lengths, places = [], [], []
     at = filled = 0
     while filled < pixels:
         if at + 2 > len(values):
             raise ValueError("the RVL data ends too early")
         zeros, nonzeros = int(values[at]), int(values[at + 1])
+        if not zeros and not nonzeros:
+            raise ValueError("an RVL run is empty")
         filled += zeros
         starts.append(at + 2)
         lengths.append(nonzeros)
@@ -43,13 +48,21 @@ def decode_rvl(data: bytes | memoryview, *, pixels: int) -> NDArray[np.uint16]:
 def _variable_length(words: NDArray[np.uint32]) -> NDArray[np.int64]:
     """Return all numbers of the stream: a nibble without the continuation bit ends each."""
     shifts = np.arange(28, -4, -4, dtype=np.uint32)
-    nibbles = ((words[:, None] >> shifts) & 0xF).astype(np.int64).ravel()
+    parted = np.empty((len(words), 8), np.uint8)
+    for place, shift in enumerate(shifts):
+        parted[:, place] = (words >> shift) & 0xF
+    nibbles = parted.ravel()
     ends = np.flatnonzero(nibbles < 8)
     if len(ends) == 0:
         return np.zeros(0, np.int64)
-    nibbles = nibbles[: ends[-1] + 1]
     begins = np.concatenate([[0], ends[:-1] + 1])
-    position = np.arange(len(nibbles)) - np.repeat(begins, ends - begins + 1)
-    if position.max() > 10:
-        raise ValueError("an RVL number is longer than 32 bits")
-    return np.add.reduceat((nibbles & 7) << (3 * position), begins)
+    values = np.zeros(len(ends), np.int64)
+    longer = np.arange(len(ends))
+    for place in range(12):
+        longer = longer[begins[longer] + place <= ends[longer]]
+        if len(longer) == 0:
+            break
+        if place > 10:
+            raise ValueError("an RVL number is longer than 32 bits")
+        values[longer] |= (nibbles[begins[longer] + place] & 7).astype(np.int64) << (3 * place)
+    return values

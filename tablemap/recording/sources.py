@@ -7,6 +7,7 @@ from contextlib import ExitStack, closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from tablemap.config import LimitsConfig
 from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.paths import AnyPath, as_path
 from tablemap.recording.bags.bag import Bag
@@ -26,20 +27,22 @@ _OTHER_FORMATS = {
 }
 
 
-def open_source(path: AnyPath, *, warnings: list[ProcessWarning]) -> Source:
+def open_source(
+    path: AnyPath, *, warnings: list[ProcessWarning], limits: LimitsConfig | None = None
+) -> Source:
     """Open what holds a recording's messages; what is lost of it is appended to ``warnings``.
 
     That is an MCAP, a bag of ROS 1, a database or a folder of rosbag2; each may be packed with
     zstd. Raises `RecordingError` where it is none that can be read.
     """
-    path = as_path(path)
+    path, limits = as_path(path), limits or LimitsConfig()
     if path.name == METADATA:
         path = path.parent
     if path.is_dir():
-        return _open_folder(path, warnings)
+        return _open_folder(path, warnings, limits)
     start = _first_bytes(path)
     if start.startswith(MAGIC):
-        return _container(path, warnings)
+        return _container(path, warnings, limits)
     if start.startswith(_BAG):
         return Bag(path, ros1=True, warnings=warnings)
     if start.startswith(_DATABASE):
@@ -47,7 +50,8 @@ def open_source(path: AnyPath, *, warnings: list[ProcessWarning]) -> Source:
     if start.startswith(ZSTD_MAGIC):
         # What is open stays readable when its folder is gone.
         with TemporaryDirectory(prefix="tablemap-") as folder:
-            return open_source(unpack_file(path, Path(folder)), warnings=warnings)
+            unpacked = unpack_file(path, Path(folder), limits)
+            return open_source(unpacked, warnings=warnings, limits=limits)
     expected = "Expected a recording (an MCAP or a bag) and found"
     if not start:
         raise RecordingError(f"{expected} an empty one: {path}")
@@ -58,14 +62,15 @@ def open_source(path: AnyPath, *, warnings: list[ProcessWarning]) -> Source:
     raise RecordingError(f"{expected} {what}: {path}")
 
 
-def _open_folder(folder: Path, warnings: list[ProcessWarning]) -> Source:
+def _open_folder(folder: Path, warnings: list[ProcessWarning], limits: LimitsConfig) -> Source:
     """Open the files of a bag's folder as one; one that cannot be read is left out, and said."""
     sources: list[Source] = []
     errors: list[RecordingError] = []
     with ExitStack() as opened:
         for file in files_of(folder, warnings=warnings):
             try:
-                sources.append(opened.enter_context(closing(open_source(file, warnings=warnings))))
+                source = open_source(file, warnings=warnings, limits=limits)
+                sources.append(opened.enter_context(closing(source)))
             except RecordingError as error:
                 errors.append(error)
         if not sources:
@@ -78,10 +83,10 @@ def _open_folder(folder: Path, warnings: list[ProcessWarning]) -> Source:
     return sources[0] if len(sources) == 1 else Several(sources)
 
 
-def _container(path: Path, warnings: list[ProcessWarning]) -> Container:
+def _container(path: Path, warnings: list[ProcessWarning], limits: LimitsConfig) -> Container:
     file = path.open("rb")
     try:
-        return Container(file, warnings=warnings)
+        return Container(file, warnings=warnings, limits=limits)
     except BaseException:
         file.close()
         raise

@@ -14,7 +14,7 @@ import re
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
-from tablemap.config import TopicsConfig
+from tablemap.config import LimitsConfig, TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.recording.decoding import (
     CALIBRATION,
@@ -112,7 +112,7 @@ class Roles:
     transforms: tuple[Topic, ...]
 
 
-def list_topics(source: Source) -> list[Topic]:
+def list_topics(source: Source, limits: LimitsConfig) -> list[Topic]:
     """Return the topics that processing knows, each with its first message."""
     alike: dict[tuple[str, str], list[Channel]] = {}
     for channel in source.channels.values():
@@ -121,16 +121,16 @@ def list_topics(source: Source) -> list[Topic]:
             alike.setdefault((channel.topic, kind), []).append(channel)
     topics = []
     for (name, kind), channels in alike.items():
-        first, problem = _first_message(source, channels)
+        first, problem = _first_message(source, channels, limits)
         count = sum(source.counts[channel.id] for channel in channels)
         topics.append(Topic(name, tuple(channels), kind, count, first, problem))
     return topics
 
 
 def _first_message(
-    source: Source, channels: Sequence[Channel]
+    source: Source, channels: Sequence[Channel], limits: LimitsConfig
 ) -> tuple[Message | None, str | None]:
-    decoders, problem = decoders_of(channels)
+    decoders, problem = decoders_of(channels, limits)
     if not any(source.counts[channel.id] for channel in channels):
         return None, "has no messages"
     for tried, raw in enumerate(source.messages(decoders)):
@@ -143,13 +143,15 @@ def _first_message(
     return None, problem or "has no message that could be read"
 
 
-def decoders_of(channels: Sequence[Channel]) -> tuple[dict[int, Decoder], str | None]:
+def decoders_of(
+    channels: Sequence[Channel], limits: LimitsConfig
+) -> tuple[dict[int, Decoder], str | None]:
     """Return a decoder by channel, and what is wrong with one that cannot be read, if any."""
     decoders: dict[int, Decoder] = {}
     problem = None
     for channel in channels:
         try:
-            decoders[channel.id] = Decoder(channel)
+            decoders[channel.id] = Decoder(channel, limits)
         except DecodingError as error:
             problem = str(error)
     return decoders, problem

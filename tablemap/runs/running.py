@@ -215,7 +215,7 @@ def _process_reviewed(
                 observe(event)
 
         try:
-            recording = open_recording(recording_path, topics=config.topics)
+            recording = open_recording(recording_path, topics=config.topics, limits=config.limits)
             record(recording)
             return process(recording, config=config, tables=tables, record=record)
         except BaseException as error:

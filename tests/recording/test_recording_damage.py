@@ -16,11 +16,13 @@ import pytest
 import zstandard
 from mcap.writer import CompressionType, IndexType, Writer
 
+from tablemap.config import LimitsConfig
 from tablemap.errors import RecordingError
 from tablemap.recording import inspect, open_recording
-from tablemap.recording.mcap.chunks import Chunk, DamageError, unpack
+from tablemap.recording.mcap.chunks import Chunk, unpack
 from tablemap.recording.mcap.container import Container
 from tablemap.recording.mcap.index import MAGIC
+from tablemap.recording.mcap.records import DamageError
 from tests.making import messages as w
 
 
@@ -113,14 +115,17 @@ def test_only_the_end_is_missing(drive: bytes) -> None:
         assert (count, codes) == (121, ["recording.truncated"])
 
 
-def test_flipped_byte_costs_one_chunk(drive: bytes) -> None:
-    """One wrong byte is noticed by the checksum; the other chunks are read all the same."""
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_flipped_byte_costs_part_of_one_chunk(drive: bytes, share: float) -> None:
+    """What of the chunk still makes sense is kept, and known to be of doubtful worth."""
     offsets = chunk_offsets(drive)
-    at = (offsets[4] + offsets[5]) // 2
+    at = int((1 - share) * offsets[4] + share * offsets[5])
     damaged = drive[:at] + bytes([drive[at] ^ 0x10]) + drive[at + 1 :]
-    count, codes, _ = read_all(damaged)
+    count, codes, container = read_all(damaged)
     assert codes == ["recording.damaged"]
-    assert 121 - 30 < count < 121
+    assert 121 - 30 < count <= 121
+    doubtful = sum(raw.damaged for raw in container.messages(container.channels))
+    assert 0 < doubtful + 121 - count < 30
 
 
 @pytest.mark.parametrize("where", ["length", "opcode"])
@@ -134,7 +139,7 @@ def test_broken_record_without_summary_is_passed_over(drive: bytes, where: str) 
     count, codes, _ = read_all(bytes(damaged))
     assert set(codes) == {"recording.damaged"}
     assert len(codes) == 2
-    assert 121 - 40 < count < 121
+    assert 121 - 40 < count <= 121
 
 
 def test_random_damage_never_raises_anything_else(drive: bytes) -> None:
@@ -176,8 +181,14 @@ def test_zip_bomb_is_refused_by_declared_and_by_real_size(name: str, declared: i
     else:
         packed = b"".join(map(packer.compress, pieces)) + packer.flush()
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    with pytest.raises(DamageError):
-        unpack(Chunk(0, 1, declared, 0, name, memoryview(packed)))
+    chunk = Chunk(0, 1, declared, 0, name, memoryview(packed))
+    if declared > 256 * 2**20:
+        with pytest.raises(DamageError, match=r"limits\.chunk_mib = 256"):
+            unpack(chunk, LimitsConfig())
+    else:
+        unpacked = unpack(chunk, LimitsConfig())
+        assert unpacked.damage is not None
+        assert len(unpacked.data) == declared
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 50 * 1024
 
 

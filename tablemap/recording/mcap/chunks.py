@@ -1,4 +1,4 @@
-"""The records inside an MCAP: unpacked within bounds, checked, and split into messages.
+"""A chunk of an MCAP: its header taken apart, its records unpacked within bounds.
 
 The layout is that of the MCAP specification (mcap.dev/spec). A few kilobytes can claim to unpack to
 gigabytes, so both the size that a chunk declares and the size that really comes out are bounded.
@@ -10,28 +10,19 @@ import struct
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
-from io import BytesIO
 
 import lz4.frame
+import numpy as np
 import zstandard
-from mcap.data_stream import ReadDataStream
 
-from tablemap.recording.raw import RawMessage
+from tablemap.config import LimitsConfig
+from tablemap.config.limits import MIB
+from tablemap.recording.mcap.records import DamageError
 
-MAX_CHUNK_BYTES = 256 * 2**20
-"""The most that one chunk may unpack to. Recorders write chunks of 1 to 8 MiB."""
-
-MAX_RECORD_BYTES = 256 * 2**20
-"""The most that any other record is read into memory for."""
-
-RECORD_HEADER = struct.Struct("<BQ")
 _CHUNK_HEADER = struct.Struct("<QQQII")  # start, end, declared size, CRC, length of compression
-_MESSAGE_HEADER = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
-_PIECE_BYTES = 4 * 2**20
-
-
-class DamageError(Exception):
-    """Bytes that are not what the container says they are; the text completes "it ..."."""
+_PIECE_BYTES = 4 * MIB
+_MOST_FRAMES = 64  # of lz4 in a chunk: recorders write one
+_MAGICS = {b"\x28\xb5\x2f\xfd": "zstd", b"\x04\x22\x4d\x18": "lz4"}
 
 
 @dataclass(frozen=True)
@@ -46,121 +37,110 @@ class Chunk:
     packed: memoryview
 
 
+@dataclass(frozen=True)
+class Unpacked:
+    """A chunk's records, and what is wrong with them: None where they are as declared."""
+
+    data: memoryview
+    damage: DamageError | None
+
+
 def parse_chunk(content: memoryview, *, whole: bool = True) -> Chunk:
     """Take a chunk record's content apart, of which the end may be missing if it is not `whole`."""
     try:
         start_ns, end_ns, declared, crc, name_bytes = _CHUNK_HEADER.unpack_from(content)
         at = _CHUNK_HEADER.size
-        compression = bytes(content[at : at + name_bytes]).decode()
+        if name_bytes > len(content):
+            raise DamageError("has a broken header")
+        name = bytes(content[at : at + name_bytes])
         (packed_bytes,) = struct.unpack_from("<Q", content, at + name_bytes)
-    except (struct.error, UnicodeDecodeError):
+    except struct.error:
         raise DamageError("has a broken header") from None
     packed = content[at + name_bytes + 8 :]
     if whole and packed_bytes != len(packed):
         raise DamageError("declares another length than it has")
-    return Chunk(start_ns, end_ns, declared, crc, compression, packed[:packed_bytes])
+    packed = packed[:packed_bytes]
+    compression = name.decode(errors="replace")
+    if compression not in ("", "none", "zstd", "lz4"):  # the contents say it too
+        compression = _MAGICS.get(bytes(packed[:4]), compression)
+    return Chunk(start_ns, end_ns, declared, crc, compression, packed)
 
 
-def unpack(chunk: Chunk, *, whole: bool = True) -> memoryview:
-    """Return a chunk's records, checked; of a chunk that is not `whole` what can be unpacked.
+def unpack(chunk: Chunk, limits: LimitsConfig, *, whole: bool = True) -> Unpacked:
+    """Return a chunk's records as far as they can be unpacked, and what is wrong with them.
 
-    Raises `DamageError` where sizes exceed their bounds, or size or checksum are not as declared.
+    Where the chunk is not `whole`, nothing is expected of size and checksum. Raises `DamageError`
+    where the declared size is over its bound, or nothing can be unpacked.
     """
-    if chunk.declared_bytes > MAX_CHUNK_BYTES:
+    if chunk.declared_bytes > limits.chunk_mib * MIB:
         raise DamageError(
-            f"would unpack to {chunk.declared_bytes / 2**20:.0f} MiB, which is over the bound of "
-            f"{MAX_CHUNK_BYTES // 2**20} MiB"
+            f"would unpack to {chunk.declared_bytes / MIB:.0f} MiB, {limits.over('chunk_mib')}"
         )
-    data = memoryview(_decompress(chunk, whole=whole))
-    if not whole:
-        return data
-    if len(data) != chunk.declared_bytes:
-        raise DamageError("does not unpack to the size that it declares")
-    if chunk.crc and zlib.crc32(data) != chunk.crc:
-        raise DamageError("failed its checksum")
-    return data
-
-
-def _decompress(chunk: Chunk, *, whole: bool) -> bytes | memoryview:
+    damage: DamageError | None = None
     if chunk.compression in ("", "none"):
-        return chunk.packed
-    bound = chunk.declared_bytes + 1  # one more than declared tells that there is more
+        data = chunk.packed
+    else:
+        data, damage = _decompress(chunk)
+    if not whole:
+        return Unpacked(data[: chunk.declared_bytes], None)
+    intact = len(data) == chunk.declared_bytes
+    if chunk.crc and zlib.crc32(data) != chunk.crc:
+        damage = damage or DamageError("failed its checksum")
+    elif damage is None and not intact:
+        damage = DamageError("does not unpack to the size that it declares")
+    return Unpacked(data[: chunk.declared_bytes], damage)
+
+
+def _decompress(chunk: Chunk) -> tuple[memoryview, DamageError | None]:
+    """Return what comes out, one byte more than declared at most, which tells that there is more.
+
+    The buffer's memory is taken from the system only as it is filled.
+    """
+    buffer = np.empty(chunk.declared_bytes + 1, np.uint8).data
     if chunk.compression == "zstd":
-        pieces = _zstd_pieces(chunk.packed, bound)
+        pieces = _zstd_pieces(chunk.packed, buffer)
     elif chunk.compression == "lz4":
-        pieces = _lz4_pieces(chunk.packed, bound)
+        pieces = _lz4_pieces(chunk.packed, buffer)
     else:
         raise DamageError(f"is compressed with {chunk.compression[:20]!r}, not with zstd or lz4")
-    unpacked: list[bytes] = []
+    filled = 0
     try:
-        unpacked.extend(pieces)
+        for count in pieces:
+            filled += count
     except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError):
-        if whole:
-            raise DamageError("cannot be unpacked") from None
-        # What came out before the cut is worth having.
-        unpacked = list(_readable_pieces(chunk, bound))
-    return unpacked[0] if len(unpacked) == 1 else b"".join(unpacked)
+        return buffer[:filled], DamageError("cannot be unpacked")
+    except DamageError as error:
+        return buffer[:filled], error
+    return buffer[:filled], None
 
 
-def _readable_pieces(chunk: Chunk, bound: int) -> Iterator[bytes]:
-    """Yield what unpacks of a chunk that was cut short."""
-    pieces = (_zstd_pieces if chunk.compression == "zstd" else _lz4_pieces)(chunk.packed, bound)
-    while True:
-        try:
-            yield next(pieces)
-        except (StopIteration, zstandard.ZstdError, RuntimeError, EOFError, MemoryError):
-            return
-
-
-def _zstd_pieces(packed: memoryview, bound: int) -> Iterator[bytes]:
+def _zstd_pieces(packed: memoryview, buffer: memoryview) -> Iterator[int]:
+    """Fill the buffer; yield how many bytes were added."""
+    at = 0
     with zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True) as reader:
-        while bound > 0 and (piece := reader.read(min(bound, _PIECE_BYTES))):
-            bound -= len(piece)
-            yield piece
+        while at < len(buffer) and (count := reader.readinto(buffer[at : at + _PIECE_BYTES])):
+            at += count
+            yield count
 
 
-def _lz4_pieces(packed: memoryview, bound: int) -> Iterator[bytes]:
+def _lz4_pieces(packed: memoryview, buffer: memoryview) -> Iterator[int]:
+    """Fill the buffer; yield how many bytes were added."""
     remaining: bytes | memoryview | None = packed
+    at = frames = 0
     decompressor = lz4.frame.LZ4FrameDecompressor()
-    while bound > 0 and remaining is not None:
-        piece = decompressor.decompress(remaining, max_length=min(bound, _PIECE_BYTES))
-        bound -= len(piece)
-        if piece:
-            yield piece
+    while at < len(buffer) and remaining is not None:
+        most = min(len(buffer) - at, _PIECE_BYTES)
+        piece = decompressor.decompress(remaining, max_length=most)
+        buffer[at : at + len(piece)] = piece
+        at += len(piece)
+        yield len(piece)
         if decompressor.eof:
+            frames += 1
+            if frames > _MOST_FRAMES:
+                raise DamageError(f"is made of more than {_MOST_FRAMES} lz4 frames")
             remaining = decompressor.unused_data
             decompressor = lz4.frame.LZ4FrameDecompressor()
         elif decompressor.needs_input:
             return
         else:
             remaining = b""
-
-
-def split(data: memoryview) -> Iterator[tuple[int, memoryview]]:
-    """Yield the opcode and content of each whole record.
-
-    Raises `DamageError` after the last one if bytes are left over.
-    """
-    at, end = 0, len(data)
-    while at < end:
-        if end - at < RECORD_HEADER.size:
-            raise DamageError("ends within a record")
-        opcode, length = RECORD_HEADER.unpack_from(data, at)
-        at += RECORD_HEADER.size
-        if length > end - at:
-            raise DamageError("ends within a record")
-        yield opcode, data[at : at + length]
-        at += length
-
-
-def parse_message(content: memoryview) -> RawMessage:
-    """Take a message record's content apart."""
-    if len(content) < _MESSAGE_HEADER.size:
-        raise DamageError("has a message without a header")
-    channel_id, _, log_time_ns, _ = _MESSAGE_HEADER.unpack_from(content)
-    return RawMessage(log_time_ns, channel_id, content[_MESSAGE_HEADER.size :])
-
-
-def stream_of(content: memoryview) -> ReadDataStream:
-    """Wrap a record's content for the parsers of `mcap.records`."""
-    return ReadDataStream(BytesIO(content))

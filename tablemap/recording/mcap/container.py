@@ -8,7 +8,9 @@ not be read becomes a warning. Memory holds one chunk, or as many as overlap in 
 from __future__ import annotations
 
 import heapq
+import time
 from collections.abc import Collection, Iterator
+from dataclasses import dataclass
 from typing import BinaryIO
 
 import numpy as np
@@ -16,28 +18,39 @@ from mcap import records as mcap_records
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
+from tablemap.config import LimitsConfig
+from tablemap.config.limits import MIB
 from tablemap.errors import ProcessWarning, RecordingError
-from tablemap.recording.mcap.chunks import (
-    RECORD_HEADER,
-    DamageError,
-    parse_chunk,
-    parse_message,
-    split,
-    stream_of,
-    unpack,
-)
+from tablemap.recording.mcap.chunks import Unpacked, parse_chunk, unpack
 from tablemap.recording.mcap.index import (
     MAGIC,
     PARSE_ERRORS,
     Losses,
     Span,
+    Totals,
+    no_time,
     read_summary,
     read_through,
 )
+from tablemap.recording.mcap.records import RECORD_HEADER, DamageError, Messages, stream_of
+from tablemap.recording.mcap.salvage import Sieve, records_of
 from tablemap.recording.raw import Channel, RawMessage
 
-MAX_HELD_BYTES = 256 * 2**20
+MAX_HELD_BYTES = 256 * MIB
 """Messages of overlapping chunks held for sorting; beyond it they come out in the file's order."""
+
+
+@dataclass(eq=False)
+class _Cursor:
+    """A span's messages that are still to come out, and which of them is next."""
+
+    messages: Messages
+    order: list[int]
+    place: int = 0
+
+    @property
+    def time_ns(self) -> int:
+        return self.messages.times_ns[self.order[self.place]]
 
 
 class Container:
@@ -49,14 +62,23 @@ class Container:
     or counted where the file was read front to back. Raises `RecordingError` for what is no MCAP.
     """
 
-    def __init__(self, file: BinaryIO, *, warnings: list[ProcessWarning] | None = None) -> None:
+    def __init__(
+        self,
+        file: BinaryIO,
+        *,
+        warnings: list[ProcessWarning] | None = None,
+        limits: LimitsConfig | None = None,
+    ) -> None:
         self._file = file
+        self.limits = limits or LimitsConfig()
         self.warnings: list[ProcessWarning] = [] if warnings is None else warnings
         self._losses = Losses(self.warnings)
         if self._read_at(0, len(MAGIC)) != MAGIC:
             raise RecordingError("The file does not begin as an MCAP does.")
         self.profile, self.library = self._read_header()
-        index = read_summary(file, self._losses) or read_through(file, self._losses)
+        self._totals = Totals(self.limits, file.seek(0, 2))
+        index = read_summary(file, self._losses, self._totals)
+        index = index or read_through(file, self._losses, self._totals)
         self.channels = {
             id: _with_schema(channel, index.schemas.get(channel.schema_id))
             for id, channel in sorted(index.channels.items())
@@ -82,24 +104,32 @@ class Container:
         exact = None if times is None else frozenset(times.tolist())
         first = -1 if start_ns is None else start_ns
         last = 2**64 if end_ns is None else end_ns
-        heap: list[tuple[int, int, int, RawMessage]] = []
-        held = 0
+        heap: list[tuple[int, int, int, _Cursor]] = []
+        held, last_time = 0, time.monotonic()
         for span in self.spans_of(wanted):
             if span.end_ns < first or span.start_ns > last:
                 continue
             if times is not None and not _any_within(times, span):
                 continue
-            while heap and (heap[0][0] < span.start_ns or held > MAX_HELD_BYTES):
-                message = heapq.heappop(heap)[3]
-                held -= len(message.data)
+            while heap and (heap[0][0] < span.start_ns or held + span.unpacked > MAX_HELD_BYTES):
+                message, freed = _pop(heap)
+                held -= freed
                 yield message
-            for order, message in enumerate(self.span_messages(span, wanted)):
-                time = message.log_time_ns
-                if first <= time <= last and (exact is None or time in exact):
-                    heapq.heappush(heap, (time, span.offset, order, message))
-                    held += len(message.data)
+                last_time = time.monotonic()
+            self._check_idle(last_time)
+            found = self.span_messages(span, wanted)
+            order = [
+                place
+                for place in found.by_time()
+                if first <= found.times_ns[place] <= last
+                and (exact is None or found.times_ns[place] in exact)
+            ]
+            if order:
+                cursor = _Cursor(found, order)
+                heapq.heappush(heap, (cursor.time_ns, span.offset, 0, cursor))
+                held += len(found.data)
         while heap:
-            yield heapq.heappop(heap)[3]
+            yield _pop(heap)[0]
 
     def sample(self, channels: Collection[int], *, most: int) -> tuple[Iterator[RawMessage], bool]:
         """Return the messages of at most so many spans, and whether these are all."""
@@ -120,36 +150,52 @@ class Container:
         wanted = frozenset(channels)
         return [span for span in self.spans if span.channels is None or span.channels & wanted]
 
-    def span_messages(self, span: Span, wanted: Collection[int]) -> list[RawMessage]:
+    def span_messages(self, span: Span, wanted: Collection[int]) -> Messages:
         """Return one span's messages of the wanted channels, in the file's order."""
-        messages: list[RawMessage] = []
+        found = Messages(memoryview(b""))
+
+        def say(error: DamageError) -> None:
+            if span.whole:
+                found.damaged = True
+                self._losses.damaged(span.offset, error, partly=True)
+
         try:
-            data = self._span_records(span)
-            for opcode, content in split(data):
-                if opcode == Opcode.MESSAGE:
-                    message = parse_message(content)
-                    if message.channel_id in wanted:
-                        messages.append(message)
+            records = self._span_records(span)
+            self._totals.unpacked(span.offset, len(records.data))
+            found.data = records.data
+            sieve = Sieve(self.channels, span.start_ns, span.end_ns)
+            for _ in found.take(records_of(records, sieve, self.limits, say=say), wanted):
+                pass  # the index has the definitions already
         except DamageError as error:
             if span.whole:
                 self._losses.damaged(span.offset, error)
-            return messages
+        if found.unsound:
+            self._losses.damaged(span.offset, no_time(found.unsound), partly=True)
         # A few small messages must not keep a whole chunk in memory until their turn comes.
-        if 4 * sum(len(message.data) for message in messages) < len(data):
-            return [m._replace(data=memoryview(bytes(m.data))) for m in messages]
-        return messages
+        found.compact()
+        return found
 
-    def _span_records(self, span: Span) -> memoryview:
+    def _span_records(self, span: Span) -> Unpacked:
+        most = self.limits.record_mib * MIB
+        if span.length > most + RECORD_HEADER.size:
+            raise DamageError(f"has {span.length / MIB:.0f} MiB, {self.limits.over('record_mib')}")
         data = memoryview(self._read_at(span.offset, span.length))
         if not span.is_chunk:
-            return data
+            return Unpacked(data, None)
         if len(data) < RECORD_HEADER.size:
             raise DamageError("lies beyond the end of the file")
         opcode, length = RECORD_HEADER.unpack_from(data)
         if opcode != Opcode.CHUNK or (span.whole and length != len(data) - RECORD_HEADER.size):
             raise DamageError("is not the chunk that the index says")
         chunk = parse_chunk(data[RECORD_HEADER.size :], whole=span.whole)
-        return unpack(chunk, whole=span.whole)
+        return unpack(chunk, self.limits, whole=span.whole)
+
+    def _check_idle(self, since: float) -> None:
+        if time.monotonic() - since > self.limits.idle_seconds:
+            raise RecordingError(
+                "Nothing that is wanted was found in the recording for "
+                f"{time.monotonic() - since:.0f} s, {self.limits.over('idle_seconds')}."
+            )
 
     def _read_at(self, offset: int, length: int) -> bytes:
         self._file.seek(offset)
@@ -181,6 +227,18 @@ def _with_schema(channel: mcap_records.Channel, schema: mcap_records.Schema | No
         schema.data if schema else b"",
         channel.metadata,
     )
+
+
+def _pop(heap: list[tuple[int, int, int, _Cursor]]) -> tuple[RawMessage, int]:
+    """Take the earliest message; return it, and how many bytes it let go of."""
+    _, offset, _, cursor = heap[0]
+    message = cursor.messages[cursor.order[cursor.place]]
+    cursor.place += 1
+    if cursor.place < len(cursor.order):
+        heapq.heapreplace(heap, (cursor.time_ns, offset, cursor.place, cursor))
+        return message, 0
+    heapq.heappop(heap)
+    return message, len(cursor.messages.data)
 
 
 def _any_within(times_ns: NDArray[np.int64], span: Span) -> bool:

@@ -4,40 +4,51 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import BinaryIO
 
 from mcap import records as mcap_records
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
-from tablemap.errors import ProcessWarning
-from tablemap.recording.mcap.chunks import (
-    MAX_RECORD_BYTES,
+from tablemap.config import LimitsConfig
+from tablemap.config.limits import MIB
+from tablemap.errors import ProcessWarning, RecordingError
+from tablemap.recording.mcap.chunks import parse_chunk, unpack
+from tablemap.recording.mcap.records import (
     RECORD_HEADER,
     DamageError,
-    parse_chunk,
-    parse_message,
+    Messages,
+    message_header,
     split,
     stream_of,
-    unpack,
 )
+from tablemap.recording.mcap.salvage import (
+    Read,
+    Sieve,
+    chunk_length,
+    next_in_file,
+    records_of,
+)
+from tablemap.recording.raw import LATEST_NS
 
 MAGIC = b"\x89MCAP0\r\n"
 PARSE_ERRORS = (McapError, struct.error, ValueError, DamageError)
 
 _FOOTER_BYTES = RECORD_HEADER.size + 20 + len(MAGIC)
-_PIECE_BYTES = 4 * 2**20
-_RUN_BYTES = 4 * 2**20  # bare messages are indexed in runs of about a chunk's size
-_COMPRESSION_AT = RECORD_HEADER.size + 28  # where a chunk record names its compression
+_PIECE_BYTES = 4 * MIB
+_RUN_BYTES = 4 * MIB  # bare messages are indexed in runs of about a chunk's size
+_MOST_SUMMARY_BYTES = 64 * MIB  # of a longer one the file itself is read
 
 
 @dataclass(frozen=True)
 class Span:
     """Bytes of the file that hold messages: a chunk record, or a run of bare messages.
 
-    Times are log times; ``channels`` is None where any channel may be in it. Where it is not
-    ``whole``, the file ends within it.
+    Times are log times; ``channels`` is None where any channel may be in it; ``unpacked`` is about
+    how many bytes its records take in memory. Where it is not ``whole``, the file ends within it.
     """
 
     offset: int
@@ -45,29 +56,84 @@ class Span:
     start_ns: int
     end_ns: int
     channels: frozenset[int] | None
+    unpacked: int
     is_chunk: bool = True
     whole: bool = True
+
+
+class Totals:
+    """Counts what a recording comes to, and stops it where that is more than its limits."""
+
+    def __init__(self, limits: LimitsConfig, file_bytes: int) -> None:
+        self.limits = limits
+        self._allowed = max(limits.unpacked_mib * MIB, limits.expansion * file_bytes)
+        self._file_bytes = file_bytes
+        self._unpacked: dict[int, int] = {}
+        self._sum = 0
+
+    def unpacked(self, offset: int, size: int) -> None:
+        """Count a chunk's bytes, once however often it is read; raises `RecordingError`."""
+        self._sum += size - self._unpacked.get(offset, 0)
+        self._unpacked[offset] = size
+        self.check_unpacked(self._sum)
+
+    def check_unpacked(self, size: int) -> None:
+        """Raise `RecordingError` where so many bytes are more than the file may unpack to."""
+        if size > self._allowed:
+            raise RecordingError(
+                f"The recording would unpack to {size / MIB:.0f} MiB or more from a file of "
+                f"{self._file_bytes / MIB:.1f} MiB, {self.limits.over('unpacked_mib')} and "
+                f"{self.limits.over('expansion')}; raise the limits if it is sound."
+            )
+
+    def check_count(self, name: str, count: int, what: str) -> None:
+        """Raise `RecordingError` where there are more than a limit allows."""
+        if count > getattr(self.limits, name):
+            raise RecordingError(
+                f"The recording has {count} {what} or more, {self.limits.over(name)}; raise the "
+                "limit if it is sound."
+            )
 
 
 @dataclass
 class Index:
     """The definitions, the messages a channel, the spans, and the log times of first and last."""
 
+    totals: Totals
     schemas: dict[int, mcap_records.Schema] = field(default_factory=dict)
     channels: dict[int, mcap_records.Channel] = field(default_factory=dict)
     counts: dict[int, int] = field(default_factory=dict)
     spans: list[Span] = field(default_factory=list)
     start_ns: int = 0
     end_ns: int = 0
+    _doubtful: set[tuple[int, int]] = field(default_factory=set)
+    _kept_bytes: int = 0
 
-    def take_definition(self, opcode: int, content: memoryview) -> None:
-        """Keep a schema or channel record; others are ignored."""
+    def take_definition(self, opcode: int, content: memoryview, *, doubtful: bool = False) -> None:
+        """Keep a schema or channel record, the first of its ID; others are ignored.
+
+        One that is ``doubtful``, for its chunk is damaged, gives way to one that is not.
+        """
         if opcode == Opcode.SCHEMA:
             schema = mcap_records.Schema.read(stream_of(content))
-            self.schemas.setdefault(schema.id, schema)
+            if self._is_first(opcode, schema.id, self.schemas, doubtful=doubtful):
+                self.schemas[schema.id] = schema
+                self._kept_bytes += len(content)
         elif opcode == Opcode.CHANNEL:
             channel = mcap_records.Channel.read(stream_of(content))
-            self.channels.setdefault(channel.id, channel)
+            if self._is_first(opcode, channel.id, self.channels, doubtful=doubtful):
+                self.channels[channel.id] = channel
+                self._kept_bytes += len(content)
+                self.totals.check_count("channels", len(self.channels), "channels")
+        if self._kept_bytes > self.totals.limits.record_mib * MIB:
+            words = self.totals.limits.over("record_mib")
+            raise RecordingError(f"The recording's schemas and channels are {words}.")
+
+    def _is_first(self, opcode: int, id: int, known: Collection[int], *, doubtful: bool) -> bool:
+        if id in known and (doubtful or (opcode, id) not in self._doubtful):
+            return False
+        (self._doubtful.add if doubtful else self._doubtful.discard)((opcode, id))
+        return True
 
 
 class Losses:
@@ -77,13 +143,14 @@ class Losses:
         self.warnings = warnings
         self._offsets: set[int] = set()
 
-    def damaged(self, offset: int, error: DamageError) -> None:
-        """Say that what begins at ``offset`` was left out."""
+    def damaged(self, offset: int, error: DamageError, *, partly: bool = False) -> None:
+        """Say that what begins at ``offset`` was left out, all or what of it makes no sense."""
         if offset not in self._offsets:
             self._offsets.add(offset)
+            left = "what of it makes no sense was left out" if partly else "it was left out"
             self.say(
                 "recording.damaged",
-                f"A part of the file that begins at byte {offset} was left out: it {error}.",
+                f"A part of the file that begins at byte {offset} is damaged; {left}: it {error}.",
             )
 
     def say(self, code: str, message: str) -> None:
@@ -91,7 +158,12 @@ class Losses:
         self.warnings.append(ProcessWarning(code, "recording", message))
 
 
-def read_summary(file: BinaryIO, losses: Losses) -> Index | None:
+def no_time(count: int) -> DamageError:
+    """Return the words for messages that were left out."""
+    return DamageError(f"has {count} messages without a header or a time")
+
+
+def read_summary(file: BinaryIO, losses: Losses, totals: Totals) -> Index | None:
     """Return the index that the summary gives; None where there is none that serves."""
     size = file.seek(0, 2)
     file.seek(max(size - _FOOTER_BYTES, 0))
@@ -106,13 +178,15 @@ def read_summary(file: BinaryIO, losses: Losses) -> Index | None:
             raise DamageError("has a broken footer")
         if start == 0:
             return None  # written without a summary, which is no loss
-        if not 0 <= summary_bytes <= MAX_RECORD_BYTES:
+        if summary_bytes < 0:
             raise DamageError("is not where the footer says")
+        if summary_bytes > _MOST_SUMMARY_BYTES:
+            return None
         file.seek(start)
         data = memoryview(file.read(summary_bytes))
         if crc and zlib.crc32(footer[: RECORD_HEADER.size + 16], zlib.crc32(data)) != crc:
             raise DamageError("failed its checksum")
-        return _parse_summary(data, size)
+        return _parse_summary(data, start, totals)
     except PARSE_ERRORS as error:
         why = error if isinstance(error, DamageError) else "cannot be parsed"
         losses.say(
@@ -122,144 +196,246 @@ def read_summary(file: BinaryIO, losses: Losses) -> Index | None:
         return None
 
 
-def _parse_summary(data: memoryview, size: int) -> Index | None:
-    index = Index()
+def _parse_summary(data: memoryview, data_end: int, totals: Totals) -> Index | None:
+    """Return what a summary says of the chunks, which end before a byte of the file."""
+    index = Index(totals)
     statistics: mcap_records.Statistics | None = None
     mentioned: set[int] = set()
-    for opcode, content in split(data):
+    unpacked = 0
+    for opcode, begin, end in split(data):
+        content = data[begin:end]
         index.take_definition(opcode, content)
         if opcode == Opcode.STATISTICS:
             statistics = mcap_records.Statistics.read(stream_of(content))
         elif opcode == Opcode.CHUNK_INDEX:
             chunk = mcap_records.ChunkIndex.read(stream_of(content))
-            if chunk.chunk_start_offset + chunk.chunk_length > size:
-                raise DamageError("points out of the file")
             held = frozenset(chunk.message_index_offsets)
             mentioned |= held
+            unpacked += chunk.uncompressed_size
             index.spans.append(
                 Span(
                     chunk.chunk_start_offset,
                     chunk.chunk_length,
-                    chunk.message_start_time,
-                    chunk.message_end_time,
+                    min(chunk.message_start_time, LATEST_NS),
+                    min(chunk.message_end_time, LATEST_NS),
                     held or None,
+                    chunk.uncompressed_size,
                 )
             )
+    _check_apart(index.spans, data_end)
     if statistics is None or len(index.spans) < max(statistics.chunk_count, 1):
         return None  # unchunked, or written without what would spare the reading
     if not mentioned | set(statistics.channel_message_counts) <= set(index.channels):
         return None
+    totals.check_unpacked(unpacked)
     index.counts = dict(statistics.channel_message_counts)
-    index.start_ns, index.end_ns = statistics.message_start_time, statistics.message_end_time
+    totals.check_count("messages", sum(index.counts.values()), "messages")
+    index.start_ns = min(statistics.message_start_time, LATEST_NS)
+    index.end_ns = min(statistics.message_end_time, LATEST_NS)
     return index
 
 
-def read_through(file: BinaryIO, losses: Losses) -> Index:
+def _check_apart(spans: Iterable[Span], data_end: int) -> None:
+    """Raise `DamageError` where chunks share bytes, or lie outside of the file's data."""
+    places = sorted((span.offset, span.offset + span.length) for span in spans)
+    if places and places[-1][1] > data_end:
+        raise DamageError("points out of the file's data")
+    if any(end > start for (_, end), (start, _) in pairwise(places)):
+        raise DamageError("names one part of the file twice")
+
+
+def read_through(file: BinaryIO, losses: Losses, totals: Totals) -> Index:
     """Read the whole file once, front to back, and index what can be read of it.
 
-    A record of which the length is broken is passed over to the next compressed chunk.
+    From a record of which the length is broken it goes on where the next one begins.
     """
     size = file.seek(0, 2)
-    scan = _Scan(losses)
-    at, crc = len(MAGIC), zlib.crc32(MAGIC)
-    file.seek(at)
+    scan = _Scan(losses, totals)
+    most = totals.limits.record_mib * MIB
+    crc: int | None = zlib.crc32(MAGIC)  # None once it cannot be right any more
+    # A record counts once another follows it: else its length may be what is wrong.
+    pending: tuple[int, int, bytes] | None = None
+
+    def read(at: int, count: int) -> bytes:
+        file.seek(at)
+        return file.read(count)
+
+    at = len(MAGIC)
     while True:
-        head = file.read(RECORD_HEADER.size)
+        head = read(at, RECORD_HEADER.size)
         opcode, length = RECORD_HEADER.unpack(head) if len(head) == RECORD_HEADER.size else (0, 0)
         end = at + RECORD_HEADER.size + length
         if opcode == 0 or end > size:
-            found = _find_chunk(file, at + 1, size)
-            if found is None:
+            crc = None
+            found = _where_it_goes_on(read, at, opcode, length, size, pending, scan.sieve())
+            if pending is not None and (found is None or found > at):
+                scan.take(*pending)
+            elif pending is not None:
+                losses.damaged(pending[0], DamageError("has a broken length"))
+            pending = None
+            if found is None or found > at:
                 if opcode == Opcode.CHUNK:
-                    file.seek(at + RECORD_HEADER.size)
-                    scan.take_chunk(at, file.read(MAX_RECORD_BYTES), whole=False)
-                scan.say_cut(at, size)
-                break
-            losses.damaged(at, DamageError("has a broken length"))
-            at = file.seek(found)
-        elif opcode == Opcode.DATA_END:
+                    left = (size if found is None else found) - at - RECORD_HEADER.size
+                    scan.take_chunk(at, read(at + RECORD_HEADER.size, min(left, most)), whole=False)
+                if found is None:
+                    scan.say_cut(at, size)
+                    break
+                losses.damaged(at, DamageError("has a broken length"), partly=True)
+            at = found
+            continue
+        if pending is not None:
+            scan.take(*pending)
+            pending = None
+        if opcode == Opcode.DATA_END:
             (declared,) = struct.unpack("<I", file.read(4).ljust(4, b"\0"))
-            if declared and declared != crc:
+            if declared and crc is not None and declared != crc:
                 losses.say(
                     "recording.damaged",
                     "The file's data failed its checksum: something in it was changed.",
                 )
             scan.say_end(file, size)
             break
-        elif length > MAX_RECORD_BYTES:
-            crc = _checksum_over(file, length, zlib.crc32(head, crc))
-            if opcode != Opcode.ATTACHMENT:
-                losses.damaged(at, DamageError("is larger than anything that is read"))
-            at = end
-        else:
+        if opcode in _TAKEN and length <= most:
             content = file.read(length)
-            crc = zlib.crc32(content, zlib.crc32(head, crc))
-            if opcode == Opcode.CHUNK:
-                scan.take_chunk(at, content, whole=True)
-            else:
-                scan.take_record(at, opcode, memoryview(content))
-            at = end
+            crc = crc and zlib.crc32(content, zlib.crc32(head, crc))
+            pending = at, opcode, content
+        else:
+            crc = crc and _checksum_over(file, length, zlib.crc32(head, crc))
+            if opcode in _TAKEN:
+                over = totals.limits.over("record_mib")
+                losses.damaged(at, DamageError(f"has {length / MIB:.0f} MiB, {over}"))
+        at = end
     return scan.finished()
+
+
+_TAKEN = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK)
+
+
+def _where_it_goes_on(
+    read: Read,
+    at: int,
+    opcode: int,
+    length: int,
+    size: int,
+    pending: tuple[int, int, bytes] | None,
+    sieve: Sieve,
+) -> int | None:
+    """Return where the next record begins after a place that begins none, or one too long.
+
+    That may lie within the record before, whose length is then what is wrong. None where nothing
+    more can be found: the file was cut.
+    """
+    content = at + RECORD_HEADER.size
+    if opcode == Opcode.CHUNK and (packed := chunk_length(read, content)) is not None:
+        if packed == length:
+            return None  # it says so twice, and the file ends before
+        if sieve.begins_chain(read, content + packed, size, length=1):
+            return content + packed
+    start = at + 1
+    if pending is not None and not _is_sure(*pending[1:]):
+        start = pending[0] + 1
+    return next_in_file(read, start, size, sieve)
+
+
+def _is_sure(opcode: int, content: bytes) -> bool:
+    """Tell whether a record says twice how long it is."""
+
+    def read(at: int, count: int) -> bytes:
+        return content[at : at + count]
+
+    return opcode == Opcode.CHUNK and chunk_length(read, 0) == len(content)
 
 
 class _Scan:
     """Builds an index of records as they are met."""
 
-    def __init__(self, losses: Losses) -> None:
-        self.index = Index()
-        self.losses = losses
-        self.start_ns: int | None = None
-        self.end_ns = 0
+    def __init__(self, losses: Losses, totals: Totals) -> None:
+        self.index = Index(totals)
+        self.losses, self.totals = losses, totals
+        self._logged: tuple[int, int] | None = None  # the first and the last log time
         self._run: Span | None = None
         self._run_channels: set[int] = set()
+        self._messages = 0
+
+    def sieve(self) -> Sieve:
+        """Return what records of this file must say."""
+        sieve = Sieve(self.index.channels)
+        return sieve if self._logged is None else sieve.around(*self._logged)
+
+    def take(self, at: int, opcode: int, content: bytes) -> None:
+        """Index the record that begins at a byte."""
+        if opcode == Opcode.CHUNK:
+            self.take_chunk(at, content, whole=True)
+        else:
+            self._take_bare(at, opcode, memoryview(content))
 
     def take_chunk(self, at: int, content: bytes, *, whole: bool) -> None:
-        """Index the chunk record at a byte, of which the header was read."""
+        """Index the chunk record at a byte, of which the end may be missing."""
         self._end_run()
-        times: list[int] = []
-        channels: set[int] = set()
+        limits = self.totals.limits
+        found = Messages(memoryview(b""))
+
+        def say(error: DamageError) -> None:
+            if whole:
+                self.losses.damaged(at, error, partly=True)
+
         try:
             chunk = parse_chunk(memoryview(content), whole=whole)
-            for opcode, record in split(unpack(chunk, whole=whole)):
-                if opcode == Opcode.MESSAGE:
-                    message = parse_message(record)
-                    times.append(message.log_time_ns)
-                    channels.add(message.channel_id)
-                    self._count(message.channel_id, message.log_time_ns)
-                else:
-                    self.index.take_definition(opcode, record)
-        except PARSE_ERRORS as error:
-            if whole:
-                damage = error if isinstance(error, DamageError) else DamageError("is garbled")
-                self.losses.damaged(at, damage)
-        if times:
-            length = RECORD_HEADER.size + len(content)
-            held = frozenset(channels)
-            span = Span(at, length, min(times), max(times), held, is_chunk=True, whole=whole)
+            records = unpack(chunk, limits, whole=whole)
+            self.totals.unpacked(at, len(records.data))
+            found = Messages(records.data, damaged=records.damage is not None)
+            sieve = Sieve(self.index.channels, chunk.start_ns, chunk.end_ns)
+            for opcode, begin, end in found.take(records_of(records, sieve, limits, say=say), None):
+                content_of = records.data[begin:end]
+                self._define(at, opcode, content_of, doubtful=found.damaged)
+        except DamageError as error:
+            self.losses.damaged(at, error)
+        if found.unsound:
+            self.losses.damaged(at, no_time(found.unsound), partly=True)
+        if len(found):
+            counts = found.counts()
+            length, times = RECORD_HEADER.size + len(content), found.times_ns
+            span = Span(
+                at,
+                length,
+                min(times),
+                max(times),
+                frozenset(counts),
+                len(found.data),
+                whole=whole,
+            )
             self.index.spans.append(span)
+            self._count(counts, span.start_ns, span.end_ns)
 
-    def take_record(self, at: int, opcode: int, content: memoryview) -> None:
+    def _take_bare(self, at: int, opcode: int, content: memoryview) -> None:
         """Index a record that stands outside of chunks."""
+        if opcode != Opcode.MESSAGE:
+            self._define(at, opcode, content)
+            return
+        header = message_header(content, 0, len(content))
+        if header is None:
+            self.losses.damaged(at, no_time(1))
+            return
+        channel, time_ns = header
+        self._count({channel: 1}, time_ns, time_ns)
+        self._extend_run(at, RECORD_HEADER.size + len(content), time_ns)
+        self._run_channels.add(channel)
+
+    def _define(self, at: int, opcode: int, content: memoryview, *, doubtful: bool = False) -> None:
         try:
-            if opcode == Opcode.MESSAGE:
-                message = parse_message(content)
-                self._count(message.channel_id, message.log_time_ns)
-                self._extend_run(at, RECORD_HEADER.size + len(content), message.log_time_ns)
-                self._run_channels.add(message.channel_id)
-            else:
-                self.index.take_definition(opcode, content)
-        except PARSE_ERRORS as error:
-            damage = error if isinstance(error, DamageError) else DamageError("is garbled")
-            self.losses.damaged(at, damage)
+            self.index.take_definition(opcode, content, doubtful=doubtful)
+        except PARSE_ERRORS:
+            self.losses.damaged(at, DamageError("is garbled"), partly=True)
 
     def _extend_run(self, at: int, length: int, time_ns: int) -> None:
         run = self._run
         if run is None or run.offset + run.length != at or run.length > _RUN_BYTES:
             self._end_run()
-            self._run = Span(at, length, time_ns, time_ns, None, is_chunk=False)
+            self._run = Span(at, length, time_ns, time_ns, None, length, is_chunk=False)
         else:
             start_ns, end_ns = min(run.start_ns, time_ns), max(run.end_ns, time_ns)
-            self._run = Span(run.offset, run.length + length, start_ns, end_ns, None, False)
+            length += run.length
+            self._run = Span(run.offset, length, start_ns, end_ns, None, length, is_chunk=False)
 
     def _end_run(self) -> None:
         if self._run is not None:
@@ -267,17 +443,20 @@ class _Scan:
             self.index.spans.append(replace(self._run, channels=held))
             self._run, self._run_channels = None, set()
 
-    def _count(self, channel_id: int, time_ns: int) -> None:
-        self.index.counts[channel_id] = self.index.counts.get(channel_id, 0) + 1
-        self.start_ns = time_ns if self.start_ns is None else min(self.start_ns, time_ns)
-        self.end_ns = max(self.end_ns, time_ns)
+    def _count(self, counts: Mapping[int, int], start_ns: int, end_ns: int) -> None:
+        for channel, count in counts.items():
+            self.index.counts[channel] = self.index.counts.get(channel, 0) + count
+            self._messages += count
+        first, last = self._logged or (start_ns, end_ns)
+        self._logged = min(first, start_ns), max(last, end_ns)
+        self.totals.check_count("messages", self._messages, "messages")
 
     def say_cut(self, at: int, size: int) -> None:
         """Warn that the file ends within the record that begins at a byte."""
         self.losses.say(
             "recording.truncated",
             f"The file was cut short: it ends at byte {size}, within a record that begins at byte "
-            f"{at}; the {sum(self.index.counts.values())} messages before the cut were read.",
+            f"{at}; the {self._messages} messages before the cut were read.",
         )
 
     def say_end(self, file: BinaryIO, size: int) -> None:
@@ -292,8 +471,7 @@ class _Scan:
     def finished(self) -> Index:
         """Return the index of all that was taken."""
         self._end_run()
-        self.index.start_ns = self.start_ns or 0
-        self.index.end_ns = self.end_ns
+        self.index.start_ns, self.index.end_ns = self._logged or (0, 0)
         return self.index
 
 
@@ -302,39 +480,3 @@ def _checksum_over(file: BinaryIO, length: int, crc: int) -> int:
         crc = zlib.crc32(piece, crc)
         length -= len(piece)
     return crc
-
-
-def _find_chunk(file: BinaryIO, start: int, size: int) -> int | None:
-    """Return where the next compressed chunk begins, by the look of its header."""
-    at, tail = start, b""
-    while True:
-        file.seek(at)
-        piece = file.read(_PIECE_BYTES)
-        if not piece:
-            return None
-        data = tail + piece
-        candidates = [
-            at - len(tail) + place - _COMPRESSION_AT
-            for name in (b"\x04\x00\x00\x00zstd", b"\x03\x00\x00\x00lz4")
-            for place in _places(data, name)
-        ]
-        for offset in sorted(candidates):
-            if offset >= start and _is_chunk(file, offset, size):
-                return offset
-        at += len(piece)
-        tail = data[-16:]
-
-
-def _places(data: bytes, name: bytes) -> list[int]:
-    places = []
-    place = data.find(name)
-    while place >= 0:
-        places.append(place)
-        place = data.find(name, place + 1)
-    return places
-
-
-def _is_chunk(file: BinaryIO, offset: int, size: int) -> bool:
-    file.seek(offset)
-    opcode, length = RECORD_HEADER.unpack(file.read(RECORD_HEADER.size))
-    return bool(opcode == Opcode.CHUNK and offset + RECORD_HEADER.size + length <= size)
