@@ -6,7 +6,8 @@ is averaged over the snapshots; nothing under the plane less 1 cm. The clouds ar
 time by point-to-point ICP onto the growing cloud (maximum correspondence distance 1 m). Flattened,
 the concave hull's points vote, by RANSAC with a 3 cm threshold, for a circle through three points
 and for two parallel lines through three points, found twice; inliers over hull points is the score
-and the better score wins. What the report leaves open is in `tablemap.config.ReportConfig`.
+and the better score wins. What the report tried more than one way is in
+`tablemap.config.ReportConfig`.
 """
 
 from __future__ import annotations
@@ -30,6 +31,18 @@ from tablemap.stages.snapshots import Snapshot, take_snapshots
 if TYPE_CHECKING:
     import open3d
 
+# As the report states them, in metres.
+FLOOR = 0.1  # what lies lower is dropped at once
+PLANE_THRESHOLD = 0.03  # RANSAC of the top's plane
+CUT_MARGIN = 0.01  # below the plane, still kept
+THRESHOLD = 0.03  # RANSAC of circle and lines
+
+# The report leaves these open.
+VOXEL = 0.01  # metres: cell of every cloud
+CLUSTER_TOLERANCE = 0.03  # metres: gap between clusters
+CLUSTER_MINIMUM = 300  # cells of the smallest cluster
+ALPHA = 0.1  # metres: radius of the concave hull
+LEAST_SCORE = 0.5  # of a primitive: below it the hull stands
 PLANE_ITERATIONS = 500
 HORIZONTAL = 0.95  # least cosine between a plane's normal and the vertical
 ICP_ITERATIONS = 50
@@ -63,7 +76,7 @@ def process(
     views = []
     with stage("segmentation"):
         for snapshot in taken.snapshots:
-            found = table_cloud(snapshot, settings, seed=config.seed)
+            found = table_cloud(snapshot, seed=config.seed)
             if isinstance(found, str):
                 reasons[snapshot.index] = found
             else:
@@ -77,8 +90,8 @@ def process(
     with stage("registration"):
         cloud, corrections = join(views, height, settings)
     with stage("surface"):
-        hull = hull_points(cloud[:, :2], settings.alpha)
-        surface = _surface(hull, height, settings, seed=config.seed)
+        hull = hull_points(cloud[:, :2], ALPHA)
+        surface = _surface(hull, height, seed=config.seed)
     poses = [
         _corrected(snapshot, corrections.get(snapshot.index, np.eye(4)))
         for snapshot in taken.snapshots
@@ -109,19 +122,19 @@ def process(
     return Processed(model, (), Trajectory(stamps, np.array(poses)))
 
 
-def table_cloud(snapshot: Snapshot, config: ReportConfig, *, seed: int) -> ViewCloud | str:
+def table_cloud(snapshot: Snapshot, *, seed: int) -> ViewCloud | str:
     """Return a snapshot's nearest cluster in the map and its plane, or why there is none."""
     import open3d as o3d
 
     in_map = transform(snapshot.map_from_base.lifted(), snapshot.points_in_base()).reshape(-1, 3)
-    in_map = in_map[np.isfinite(in_map[:, 2]) & (in_map[:, 2] >= config.floor)]
-    cloud = _cloud(in_map).voxel_down_sample(config.voxel)
+    in_map = in_map[np.isfinite(in_map[:, 2]) & (in_map[:, 2] >= FLOOR)]
+    cloud = _cloud(in_map).voxel_down_sample(VOXEL)
     points = np.asarray(cloud.points)
-    if len(points) < config.cluster_minimum:
+    if len(points) < CLUSTER_MINIMUM:
         return "it shows nothing above the floor"
-    labels = np.asarray(cloud.cluster_dbscan(config.cluster_tolerance, min_points=1))
+    labels = np.asarray(cloud.cluster_dbscan(CLUSTER_TOLERANCE, min_points=1))
     sizes = np.bincount(labels)
-    large = np.flatnonzero(sizes >= config.cluster_minimum)
+    large = np.flatnonzero(sizes >= CLUSTER_MINIMUM)
     if not len(large):
         return "it shows no cluster that is large enough"
     robot = snapshot.map_from_base.translation
@@ -129,9 +142,9 @@ def table_cloud(snapshot: Snapshot, config: ReportConfig, *, seed: int) -> ViewC
     nearest = min(large.tolist(), key=lambda label: float(distances[labels == label].min()))
     cluster = points[labels == nearest]
     rest = cluster
-    while len(rest) >= config.cluster_minimum:
+    while len(rest) >= CLUSTER_MINIMUM:
         o3d.utility.random.seed(seed)
-        plane, inliers = _cloud(rest).segment_plane(config.plane_threshold, 3, PLANE_ITERATIONS)
+        plane, inliers = _cloud(rest).segment_plane(PLANE_THRESHOLD, 3, PLANE_ITERATIONS)
         if abs(plane[2]) >= HORIZONTAL:
             return ViewCloud(snapshot.index, cluster, float(rest[inliers, 2].mean()))
         rest = np.delete(rest, inliers, axis=0)
@@ -160,16 +173,16 @@ def join(
             ).transformation
         corrections[view.index] = np.array(motion)
         whole = np.vstack([whole, transform(corrections[view.index], points)])
-        whole = np.asarray(_cloud(whole).voxel_down_sample(config.voxel).points)
+        whole = np.asarray(_cloud(whole).voxel_down_sample(VOXEL).points)
     return whole, corrections
 
 
 def _cut(points: Floats, height: float, config: ReportConfig) -> Floats:
     if config.cut == "nothing":
         return points
-    kept = points[:, 2] >= height - config.cut_margin
+    kept = points[:, 2] >= height - CUT_MARGIN
     if config.cut == "above_and_below":
-        kept &= points[:, 2] <= height + config.plane_threshold
+        kept &= points[:, 2] <= height + PLANE_THRESHOLD
     return points[kept]
 
 
@@ -185,15 +198,15 @@ def _corrected(snapshot: Snapshot, motion: Floats) -> tuple[float, float, float]
     return float(pose[0, 3]), float(pose[1, 3]), float(np.arctan2(pose[1, 0], pose[0, 0]))
 
 
-def _surface(hull: Floats, height: float, config: ReportConfig, *, seed: int) -> m.TableSurface:
+def _surface(hull: Floats, height: float, *, seed: int) -> m.TableSurface:
     """Let circle and parallelogram compete for the hull's points; the hull is the fallback."""
     rng = np.random.default_rng(seed)
     tried = [
-        find_circle(hull, config.threshold, rng),
-        find_parallelogram(hull, config.threshold, rng),
+        find_circle(hull, THRESHOLD, rng),
+        find_parallelogram(hull, THRESHOLD, rng),
     ]
     found = sorted((t for t in tried if t is not None), key=lambda t: -t.score)
-    stands = found and found[0].score >= config.minimum_score
+    stands = found and found[0].score >= LEAST_SCORE
     best = found[0] if stands else Found.of_hull(hull)
     outline = tuple((float(x), float(y)) for x, y in best.outline)
     zero = (0.0, 0.0, 0.0)

@@ -17,21 +17,26 @@ class ReviewConfig(Section):
         description="standard: the snapshots' images and thinned clouds; full: every image and "
         "scan; off: the summary and the model alone",
     )
-    voxel: float = Field(default=0.015, gt=0, description="cell of thinned clouds, metres")
+    voxel: float = Field(
+        default=0.015,
+        gt=0,
+        description="metres; cell of thinned clouds. Higher: fewer points, a smaller file",
+    )
     scan_seconds: float = Field(
         default=0.5,
         ge=0,
-        description="sensor time between two odometry scans that are shown, seconds",
+        description="seconds of sensor time between two odometry scans that are shown. Higher: "
+        "fewer scans, a smaller file",
     )
-    poses: int = Field(default=500, ge=2, description="most recorded poses in the frame tree")
     plotted_pairs: int = Field(
         default=100,
         ge=0,
-        description="most pairs whose ICP iterations are plotted, the dropped and the worst first",
+        description="pairs; most whose ICP iterations are plotted, the dropped and the worst "
+        "first. Higher: a larger file",
     )
     aligned_pairs: int = Field(
-        default=48, ge=0, description="most pairs whose clouds are shown moving, of the same"
-    )
-    aligned_points: int = Field(
-        default=360, ge=1, description="most points of each of a pair's two clouds"
+        default=48,
+        ge=0,
+        description="pairs; most whose clouds are shown moving, the dropped and the worst first. "
+        "Higher: a larger file, with smaller cells",
     )

@@ -25,7 +25,11 @@ from tablemap.config.topics import TopicsConfig
 class Config(Section):
     """Everything that decides a run's result, apart from the recording."""
 
-    seed: int = Field(default=0, ge=0)
+    seed: int = Field(
+        default=0,
+        ge=0,
+        description="number that the random draws start from; the same seed gives the same bytes",
+    )
     topics: TopicsConfig = TopicsConfig()
     sensors: SensorsConfig = SensorsConfig()
     snapshots: SnapshotsConfig = SnapshotsConfig()

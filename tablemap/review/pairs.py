@@ -20,6 +20,7 @@ GAP = 1.15  # of a cell's size
 FEW_PAIRS = 30
 """Up to here there is room beside a pair's name for its RMSE."""
 WIDER = 1.15  # columns than rows
+MOST_POINTS = 360  # of each of a pair's two clouds: as many as its cell has room for
 SEEN_SHARE = 60  # per cent of the points that a cell has room for
 
 Key = tuple[int, int]
@@ -137,7 +138,6 @@ def _log_clouds(
     moved = [cell_from_target @ pose for pose in sequence.poses]
     target = cell_from_target.apply(sequence.target)
     ended = moved[-1].apply(sequence.source)
-    most = stream.config.aligned_points
     source = sequence.source[np.linalg.norm(ended[:, :2] - cell, axis=1) < reach]
     clouds = (
         ("target", target[np.linalg.norm(target[:, :2] - cell, axis=1) < reach], FRAME),
@@ -147,7 +147,7 @@ def _log_clouds(
         stream.log(
             f"{path}/{name}",
             rr.Points3D(
-                points[:: max(1, -(-len(points) // most))].astype(np.float32),
+                points[:: max(1, -(-len(points) // MOST_POINTS))].astype(np.float32),
                 colors=[colours.INK if name == "target" else tint],
                 radii=rr.Radius.ui_points(1.5),
             ),

@@ -17,12 +17,13 @@ from tablemap.stages.snapshots import SetAside, Snapshot, Snapshots
 SCAN_SEARCH_NS = 200_000_000
 IMAGE_PLANE = "_image_plane"
 HEADING_LENGTH = 0.35
+MOST_POSES = 500  # of the frame tree: the file grows with each
 
 
 def log_recording(stream: Stream, recording: Recording) -> None:
     """Log the recorded frames over time, and in full every image and scan."""
     stamps = np.unique(np.concatenate([recording.pose_stamps(), recording.depth_stamps()]))
-    step = max(1, -(-len(stamps) // stream.config.poses))
+    step = max(1, -(-len(stamps) // MOST_POSES))
     _log_frames(stream, recording, stamps[::step])
     stream.hold()
     stream.log(

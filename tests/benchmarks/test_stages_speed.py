@@ -64,10 +64,7 @@ def test_open3d_clusters(benchmark: BenchmarkFixture, snapshots: tuple[Snapshot,
     """The baseline: voxels and DBSCAN, which name the nearest cluster and no more."""
 
     def clusters() -> int:
-        return sum(
-            not isinstance(report_method.table_cloud(s, CONFIG.report, seed=0), str)
-            for s in snapshots
-        )
+        return sum(not isinstance(report_method.table_cloud(s, seed=0), str) for s in snapshots)
 
     assert benchmark.pedantic(clusters, rounds=3) > 0
 

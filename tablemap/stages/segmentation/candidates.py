@@ -11,11 +11,17 @@ from tablemap.config import SegmentationConfig
 from tablemap.errors import EstimationError
 from tablemap.geometry import Floats
 from tablemap.stages.segmentation.result import TableCandidate
-from tablemap.stages.segmentation.surfaces import CELL_M, Patch, find_patches
+from tablemap.stages.segmentation.surfaces import CELL_M, MERGE_HEIGHT, Patch, find_patches
 from tablemap.stages.segmentation.views import View, look
 from tablemap.stages.snapshots import Snapshot
 
 STRIDE_PX = 2
+_MOST_CANDIDATES = 12  # surfaces that are told of: the others are hardly tables
+_FULL_AREA = 0.15  # square metres in one view that count as seen well
+_GAZE = 0.8  # metres beside the optical axis at which a look counts by a third
+# What different views saw is one surface, with heights that agree (`MERGE_HEIGHT`).
+_MERGE_OVERLAP = 0.15  # share of the smaller that the other covers
+_MERGE_GAP = 0.1  # metres between two ends that were seen apart
 
 
 @dataclass(eq=False)
@@ -57,17 +63,17 @@ def rank_tables(views: list[View], config: SegmentationConfig) -> tuple[TableCan
             "widen segmentation.lowest and segmentation.highest"
         )
     candidates = sorted(
-        (_weigh(group, config) for group in _group(patches, config)), key=lambda c: -c.weight
+        (_weigh(group, config) for group in _group(patches)), key=lambda c: -c.weight
     )
     best = replace(candidates[0], chosen=True)
-    return (best, *candidates[1 : config.most_candidates])
+    return (best, *candidates[1:_MOST_CANDIDATES])
 
 
 def _hull(points: Floats) -> shapely.Geometry:
     return shapely.MultiPoint(points).convex_hull.buffer(CELL_M / 2)
 
 
-def _group(patches: list[Patch], config: SegmentationConfig) -> list[_Group]:
+def _group(patches: list[Patch]) -> list[_Group]:
     """Put patches together that overlap in the map at one height, largest first.
 
     The poses are those of the localisation, centimetres to decimetres off: a patch joins the group
@@ -77,9 +83,9 @@ def _group(patches: list[Patch], config: SegmentationConfig) -> list[_Group]:
     groups: list[_Group] = []
     for patch in sorted(patches, key=lambda p: -p.area):
         shape = _hull(patch.cells)
-        best, best_overlap = None, config.merge_overlap
+        best, best_overlap = None, _MERGE_OVERLAP
         for group in groups:
-            if abs(group.height - patch.height) > config.merge_height:
+            if abs(group.height - patch.height) > MERGE_HEIGHT:
                 continue
             overlap = _overlap(group.shape, shape)
             if overlap > best_overlap and not _apart(group.patches, [patch]):
@@ -93,7 +99,7 @@ def _group(patches: list[Patch], config: SegmentationConfig) -> list[_Group]:
         joined = False
         for i, first in enumerate(groups):
             for second in groups[i + 1 :]:
-                if _are_one(first, second, config):
+                if _are_one(first, second):
                     for patch in second.patches:
                         first.add(patch)
                     groups.remove(second)
@@ -104,19 +110,19 @@ def _group(patches: list[Patch], config: SegmentationConfig) -> list[_Group]:
     return groups
 
 
-def _are_one(first: _Group, second: _Group, config: SegmentationConfig) -> bool:
+def _are_one(first: _Group, second: _Group) -> bool:
     """Tell whether two groups are one surface: they overlap, or they touch with no gap seen.
 
     Opposite views of a long table may show an end each, and clutter may part it in every view; a
     gap that was seen through keeps two surfaces apart.
     """
-    if abs(first.height - second.height) > config.merge_height:
+    if abs(first.height - second.height) > MERGE_HEIGHT:
         return False
     if _apart(first.patches, second.patches):
         return False
-    if _overlap(first.shape, second.shape) > 2 * config.merge_overlap:
+    if _overlap(first.shape, second.shape) > 2 * _MERGE_OVERLAP:
         return True
-    return float(first.shape.distance(second.shape)) < config.merge_gap
+    return float(first.shape.distance(second.shape)) < _MERGE_GAP
 
 
 def _apart(first: list[Patch], second: list[Patch]) -> bool:
@@ -142,7 +148,7 @@ def _weigh(group: _Group, config: SegmentationConfig) -> TableCandidate:
         mine = [p for p in group.patches if p.view == view]
         area = sum(p.area for p in mine)
         gaze = min(p.gaze for p in mine)
-        looks.append(min(area / config.full_area, 1.0) * np.exp(-((gaze / config.gaze) ** 2)))
+        looks.append(min(area / _FULL_AREA, 1.0) * np.exp(-((gaze / _GAZE) ** 2)))
         away = mine[0].camera - centre
         bearings.append(away / max(float(np.linalg.norm(away)), 1e-6))
         largest = max(mine, key=lambda p: p.area)

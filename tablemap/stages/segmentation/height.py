@@ -12,12 +12,13 @@ from scipy import ndimage
 from tablemap.config import SegmentationConfig, SensorsConfig
 from tablemap.geometry import Floats
 from tablemap.stages.segmentation.result import TableCandidate
-from tablemap.stages.segmentation.views import View, inside, tolerance
+from tablemap.stages.segmentation.views import LEAST_UPWARD, View, inside, tolerance
 
 BIN_M = 0.002
 SEARCH_M = 0.06
 LEAST_PIXELS = 150
 BLOCK_PX = 32.0
+_GATE = 0.025  # metres of one view's top round the joint height, at least
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ def joint_height(
             near = (
                 region(view, candidate, config.reach)
                 & (np.abs(z - np.float32(candidate.height)) < SEARCH_M)
-                & (view.upward > np.cos(np.deg2rad(config.surface_tilt_deg)))
+                & (view.upward > LEAST_UPWARD)
             )
         samples.append(near)
     mode = _joint_mode(views, samples, candidate.height)
@@ -87,7 +88,7 @@ def joint_height(
     planes: dict[int, Plane] = {}
     weights: list[float] = []
     for view, near, place in zip(views, samples, places, strict=True):
-        found = _view_height(view, near, place, mode, config, sensors)
+        found = _view_height(view, near, place, mode, sensors)
         if found is not None:
             planes[view.snapshot.index], sigma, pixels = found
             weights.append(min(pixels, 20_000) / (sigma**2 + 0.002**2))
@@ -135,7 +136,6 @@ def _view_height(
     near: NDArray[np.bool_],
     place: NDArray[np.bool_],
     mode: float,
-    config: SegmentationConfig,
     sensors: SensorsConfig,
 ) -> tuple[Plane, float, int] | None:
     """Return one view's plane, its pixels' noise and their number, or None where too few.
@@ -144,7 +144,7 @@ def _view_height(
     it, and one close to the camera has more pixels.
     """
     z = view.points[..., 2]
-    gate = tolerance(view.sigma, config.view_height_gate, config.tolerance_sigmas)
+    gate = tolerance(view.sigma, _GATE)
     with np.errstate(invalid="ignore"):
         close = near & (np.abs(z - np.float32(mode)) < gate)
     labels, count = ndimage.label(ndimage.binary_opening(close, np.ones((3, 3))))

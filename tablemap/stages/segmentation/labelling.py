@@ -10,9 +10,10 @@ from scipy import ndimage
 from tablemap.config import SegmentationConfig
 from tablemap.stages.segmentation.height import Plane, region
 from tablemap.stages.segmentation.result import Label, TableCandidate, ViewSegmentation
-from tablemap.stages.segmentation.views import View, inside, is_parted, tolerance
+from tablemap.stages.segmentation.views import LEAST_UPWARD, View, inside, is_parted, tolerance
 
 FLOOR_M = 0.04
+_LEAST_TOLERANCE, _MOST_TOLERANCE = 0.006, 0.035  # metres round the top's plane
 STANDING_M = 0.06  # what stands on the top begins this close above it
 RIM_M = 0.04
 # How much of a surface must lie within reach of the table's place to be part of the same top:
@@ -29,8 +30,8 @@ def label_view(
     z = view.points[..., 2]
     valid = np.isfinite(z)
     band_width = np.minimum(
-        tolerance(view.sigma, config.tolerance_least, config.tolerance_sigmas),
-        np.float32(config.tolerance_most),
+        tolerance(view.sigma, _LEAST_TOLERANCE),
+        np.float32(_MOST_TOLERANCE),
     )
     above_plane = z - plane.at(view.points)
     with np.errstate(invalid="ignore"):
@@ -38,7 +39,7 @@ def label_view(
         over = above_plane > band_width
         below = above_plane < -band_width
         floor = z < np.maximum(np.float32(FLOOR_M), 4 * view.sigma)
-    surfaces = _surfaces(view, in_band, config)
+    surfaces = _surfaces(view, in_band)
     labels = np.full(z.shape, Label.UNKNOWN, dtype=np.uint8)
     labels[valid] = Label.FRONT
     labels[below] = Label.BEHIND
@@ -78,9 +79,7 @@ def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return grown
 
 
-def _surfaces(
-    view: View, in_band: NDArray[np.bool_], config: SegmentationConfig
-) -> NDArray[np.int32]:
+def _surfaces(view: View, in_band: NDArray[np.bool_]) -> NDArray[np.int32]:
     """Label the connected surfaces in the band, without walls and slivers (0)."""
     filled = ndimage.uniform_filter(in_band.astype(np.float32), 3) > 0.5
     eroded = ndimage.minimum_filter((filled & in_band).view(np.uint8), 5)
@@ -89,7 +88,7 @@ def _surfaces(
     if count == 0:
         return np.zeros(in_band.shape, dtype=np.int32)
     known = np.isfinite(view.upward)
-    level = known & (np.nan_to_num(view.upward) > np.cos(np.deg2rad(config.surface_tilt_deg)))
+    level = known & (np.nan_to_num(view.upward) > LEAST_UPWARD)
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
     levels = np.bincount(labels[level], minlength=count + 1)
     knowns = np.bincount(labels[known], minlength=count + 1)

@@ -16,6 +16,8 @@ from tablemap.stages.segmentation.result import Segmentation, TableCandidate, Ta
 from tablemap.stages.segmentation.views import look
 from tablemap.stages.snapshots import Snapshot
 
+_TIE = 0.7  # share of the best candidate's weight from which on another is named beside it
+
 
 def segment(
     snapshots: tuple[Snapshot, ...],
@@ -91,7 +93,7 @@ def _choose(
             )
         return candidates[best], []
     chosen = candidates[0]
-    ties = [c for c in candidates[1:] if c.weight >= config.tie * chosen.weight]
+    ties = [c for c in candidates[1:] if c.weight >= _TIE * chosen.weight]
     if not ties:
         return chosen, []
     places = ", ".join(f"--near {c.x:.2f} {c.y:.2f} ({c.height:.2f} m high)" for c in ties)

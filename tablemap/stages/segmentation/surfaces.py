@@ -10,13 +10,19 @@ from scipy import ndimage
 
 from tablemap.config import SegmentationConfig
 from tablemap.geometry import Floats
-from tablemap.stages.segmentation.views import View, is_parted, tolerance
+from tablemap.stages.segmentation.views import LEAST_UPWARD, View, is_parted, tolerance
 
 BIN_M = 0.005
 MOST_LEVELS = 8
 CELL_M = 0.04
 FARTHEST_M = 6.0
 GAP_STEP_PX = 2
+
+MERGE_HEIGHT = 0.04
+"""Metres that a surface's height may differ between patches and between views."""
+
+_TOLERANCE = 0.015  # metres round a surface's height, at least
+_LEAST_AREA = 0.03  # square metres of a surface in one view: smaller ones are boxes
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,12 +53,12 @@ def find_patches(view: View, config: SegmentationConfig) -> list[Patch]:
     z = view.points[..., 2]
     with np.errstate(invalid="ignore"):
         candidate = (
-            (view.upward > np.cos(np.deg2rad(config.surface_tilt_deg)))
+            (view.upward > LEAST_UPWARD)
             & (z > config.lowest)
             & (z < config.highest)
             & (np.hypot(view.points[..., 0], view.points[..., 1]) < FARTHEST_M)
         )
-    band = tolerance(view.sigma, config.patch_tolerance, config.tolerance_sigmas)
+    band = tolerance(view.sigma, _TOLERANCE)
     patches: list[Patch] = []
     masks: list[NDArray[np.bool_]] = []
     left = candidate.copy()
@@ -67,27 +73,25 @@ def find_patches(view: View, config: SegmentationConfig) -> list[Patch]:
         if count == 0:
             continue
         areas = ndimage.sum_labels(view.area, labels, np.arange(1, count + 1))
-        for k in np.flatnonzero(areas >= config.least_area):
+        for k in np.flatnonzero(areas >= _LEAST_AREA):
             masks.append(labels == k + 1)
             patches.append(_describe(view, masks[-1], float(areas[k]), len(patches)))
-    return _told_apart(view, patches, masks, config)
+    return _told_apart(view, patches, masks)
 
 
-def _told_apart(
-    view: View, patches: list[Patch], masks: list[NDArray[np.bool_]], config: SegmentationConfig
-) -> list[Patch]:
+def _told_apart(view: View, patches: list[Patch], masks: list[NDArray[np.bool_]]) -> list[Patch]:
     """Note of each patch which others of about its height lie beyond a gap seen through."""
     parted: list[set[int]] = [set() for _ in patches]
     thin = [mask[::GAP_STEP_PX, ::GAP_STEP_PX] for mask in masks]
     z = view.points[::GAP_STEP_PX, ::GAP_STEP_PX, 2]
     for i, first in enumerate(patches):
         for j, second in enumerate(patches[:i]):
-            if abs(first.height - second.height) > config.merge_height:
+            if abs(first.height - second.height) > MERGE_HEIGHT:
                 continue
             if not thin[i].any() or not thin[j].any():
                 continue
             with np.errstate(invalid="ignore"):
-                below = z < min(first.height, second.height) - config.merge_height
+                below = z < min(first.height, second.height) - MERGE_HEIGHT
             # One pixel below is noise; four in a square were seen through.
             gap = ndimage.minimum_filter(below.view(np.uint8), 2).view(np.bool_)
             if is_parted(thin[i], thin[j], gap) or is_parted(thin[j], thin[i], gap):
@@ -107,7 +111,7 @@ def _fullest_level(
     histogram = np.bincount(index, weights=areas, minlength=bins)
     smooth = np.convolve(histogram, np.ones(5), mode="same")
     best = int(np.argmax(smooth))
-    if smooth[best] < config.least_area:
+    if smooth[best] < _LEAST_AREA:
         return None
     around = slice(max(best - 2, 0), best + 3)
     centres = config.lowest + (np.arange(bins)[around] + 0.5) * BIN_M

@@ -18,6 +18,12 @@ COARSE_SIGMA_M = 0.008
 NORMAL_WINDOW_PX, COARSE_WINDOW_PX = 4, 9
 CELL_M = 0.01
 
+LEAST_UPWARD = np.cos(np.deg2rad(30.0))
+"""Least cosine between the vertical and the normal of a pixel of a level surface: normals of noisy
+depth nod by as much."""
+
+_TOLERANCE_SIGMAS = 3.0  # of a pixel's own noise
+
 
 @dataclass(frozen=True, eq=False)
 class View:
@@ -68,9 +74,11 @@ def look(snapshot: Snapshot, *, stride: int, coarser: View | None = None) -> Vie
     )
 
 
-def tolerance(sigma: NDArray[np.float32], least: float, sigmas: float) -> NDArray[np.float32]:
+def tolerance(sigma: NDArray[np.float32], least: float) -> NDArray[np.float32]:
     """Return how far from a plane, in metres of height, a pixel with this noise may lie."""
-    width: NDArray[np.float32] = np.maximum(np.float32(least), np.float32(sigmas) * sigma)
+    width: NDArray[np.float32] = np.maximum(
+        np.float32(least), np.float32(_TOLERANCE_SIGMAS) * sigma
+    )
     return width
 
 
