@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import re
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -10,10 +12,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import tablemap
 from tablemap.model import TableModel
 from tablemap.review.viewer.catalog import served_catalog
 
 README = Path(__file__).resolve().parent.parent / "README.md"
+CALLS = re.findall(r"`((?:tablemap|model)\.\w[^`]*\))`", README.read_text(encoding="utf-8"))
 URL = "rerun+http://127.0.0.1:51234"
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
@@ -65,3 +69,40 @@ def test_all_heights_are_queried(
     assert header.split() == ["recording", "height"]
     height = TableModel.load(finished[0]).surface.height.value
     assert row.split() == ["0", "demo", f"{height:.6f}".rstrip("0")]
+
+
+@pytest.fixture(scope="module")
+def workplace(
+    finished: tuple[Path, subprocess.CompletedProcess[str]],
+    demo_recording: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Path:
+    """The finished demo in ``runs``, its settings, and a recording: the demo's first stops."""
+    folder = tmp_path_factory.mktemp("workplace")
+    run = shutil.copytree(finished[0], folder / "runs" / "demo" / finished[0].name)
+    (run.parent / "latest").symlink_to(run.name)
+    shutil.copy(run / "config.toml", folder / "my.toml")
+    data = demo_recording.read_bytes()
+    (folder / "lap.mcap").write_bytes(data[: int(0.4 * len(data))])
+    return folder
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_a_call_does_what_it_says(
+    call: str, workplace: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of the table of calls, each as it is written."""
+    monkeypatch.chdir(workplace)
+    run = tablemap.load_run("runs/demo")
+    result = eval(call, {"tablemap": tablemap, "run": run, "model": run.model})
+    assert result
+    if isinstance(result, tablemap.Outcome):
+        assert result.model is not None, result.error
+        assert result.run is not None
+        assert result.run.path.is_relative_to("runs") or result.run.path.is_relative_to(workplace)
+
+
+def test_every_function_is_among_the_calls() -> None:
+    """What is public is documented."""
+    functions = {name for name in tablemap.__all__ if inspect.isfunction(getattr(tablemap, name))}
+    assert functions <= set(re.findall(r"tablemap\.(\w+)", " ".join(CALLS)))

@@ -13,8 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from tablemap.model import TableModel
 from tests.making.command import TABLEMAP, tablemap
+from tests.making.models import rectangle_model
+from tests.making.run_folders import make_run
 
 README = Path(__file__).resolve().parents[2] / "README.md"
 COMMANDS = ["process", "info", "export", "view", "simulate", "evaluate", "config", "runs"]
@@ -285,24 +286,19 @@ def test_every_error_is_one_sentence(tmp_path: Path) -> None:
         assert sentence is None or err == sentence + "\n", command
 
 
-def test_piped_output_has_no_colour(finished: tuple[Path, object], tmp_path: Path) -> None:
+def test_piped_output_has_no_colour(tmp_path: Path) -> None:
     """Nor what fills a terminal's line; the listing is compared whole."""
-    run = finished[0]
+    run = make_run(tmp_path / "runs", "demo/one", rectangle_model())
     for arguments in (
-        ["runs", "list", run.parent.parent],
-        ["runs", "show", run],
+        ["runs", "list", tmp_path / "runs"],
+        ["runs", "show", run.path],
         ["process", "none.mcap"],
     ):
         done = tablemap(*arguments, cwd=tmp_path, colours=True)
         assert "\x1b" not in done.stdout + done.stderr
-    listed = tablemap("runs", "list", run.parent.parent).stdout
-    began = json.loads((run / "manifest.json").read_text())["started"].replace("T", " ")[:19]
-    top = TableModel.load(run).surface
-    size = " x ".join(f"{top.dimensions[name].value:.3f}" for name in ("length", "width"))
-    height = f"{top.height.value:.3f}"
-    assert listed == (
+    assert tablemap("runs", "list", tmp_path / "runs").stdout == (
         "started              status  verdict  shape      size           height  run\n"
-        f"{began}  ok      good     rectangle  {size}  {height}   demo/{run.name}\n"
+        "2026-05-01 12:00:00  ok      good     rectangle  1.187 x 0.806  0.743   demo/one\n"
     )
 
 
