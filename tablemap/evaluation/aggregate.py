@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tablemap.evaluation.metrics import MEASURED, Error, Score
+from tablemap.evaluation.metrics import MEASURED, Error, Score, ViewScore
 from tablemap.model.shapes import PARALLELOGRAM, shape_named
 
 Spread = dict[str, float | None]
@@ -41,7 +41,9 @@ def summarise(runs: Sequence[RunScore]) -> dict[str, object]:
 
     Dimensions count where the model calls them measured (others are counted in ``unmeasured``);
     ``coverage_95`` is the share of stated 95 % intervals, over dimensions, angles, heights and
-    places of legs, that hold the truth.
+    places of legs, that hold the truth. ``interval_score_mm`` (see `Error.interval_score`) and
+    ``interval_width_mm`` are means over the intervals of dimensions and heights, so that wide ones
+    are no excuse. ``views`` counts those that truly see the top.
     """
     scores = [run.score for run in runs if run.score]
     lengths = [e for s in scores for e in s.dimensions]
@@ -81,6 +83,19 @@ def summarise(runs: Sequence[RunScore]) -> dict[str, object]:
             "leg_places": _coverage(places),
             "leg_sizes": _coverage(sizes),
         },
+        "interval_score_mm": _mean_mm(e.interval_score for e in [*measured, *heights]),
+        "interval_width_mm": _mean_mm(e.interval_width for e in [*measured, *heights]),
+        "interval_score_by": {
+            "dimensions_mm": _mean_mm(e.interval_score for e in measured),
+            "heights_mm": _mean_mm(e.interval_score for e in heights),
+            "leg_places_mm": _mean_mm(e.interval_score for e in places),
+        },
+        "interval_width_by": {
+            "dimensions_mm": _mean_mm(e.interval_width for e in measured),
+            "heights_mm": _mean_mm(e.interval_width for e in heights),
+            "leg_places_mm": _mean_mm(e.interval_width for e in places),
+        },
+        "views": _views(s.views for s in scores if s.views),
         "silent_failures": sum(s.silent_failure for s in scores),
         "false_alarms": sum(s.false_alarm for s in scores),
         "seconds": _seconds(runs),
@@ -102,6 +117,17 @@ def _millimetres(errors: Iterable[Error]) -> Spread:
 
 def _coverage(errors: Iterable[Error]) -> float | None:
     return _share(covered for e in errors if (covered := e.covered) is not None)
+
+
+def _mean_mm(values: Iterable[float | None]) -> float | None:
+    return _mean(1000 * value for value in values if value is not None)
+
+
+def _views(views: Iterable[ViewScore]) -> dict[str, float | None]:
+    """Return how many views see the top, and the share of them that was used."""
+    counted = list(views)
+    seeing, used = sum(v.seeing for v in counted), sum(v.used for v in counted)
+    return {"seeing": seeing, "used": used, "share": _round(used / seeing) if seeing else None}
 
 
 def _share(hits: Iterable[bool]) -> float | None:

@@ -7,15 +7,16 @@ angles in radians.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import shapely
 from scipy.optimize import linear_sum_assignment
 
-from tablemap.evaluation.truth import TrueSurface, Truth
+from tablemap.evaluation.truth import TrueSnapshot, TrueSurface, Truth
 from tablemap.geometry import Floats, Pose2, wrap_angle
-from tablemap.model import Dimension, TableModel, TableSurface
+from tablemap.model import Dimension, SnapshotPose, TableModel, TableSurface
 from tablemap.model.shapes import shape_named
 from tablemap.stages.surface.shapes.shape import extents
 
@@ -28,6 +29,13 @@ SILENT = 0.02
 """An unwarned, unadmitted error above this is a silent failure, metres."""
 HARMLESS = 0.008
 """A warning is a false alarm where every figure is within this, metres."""
+
+SEES_TOP = 0.1
+"""A view that shows so much of the top's area, unhidden, sees it."""
+_SAME_STAMP_NS = 50_000_000
+_BOUND = 1.96
+_MISSED = 2 / 0.05
+"""What each unit beyond a 95 % interval adds to its score."""
 
 LARGEST_TURN = float(np.radians(5.0))
 """A top turned further against the snapshots is wrong itself, radians."""
@@ -51,7 +59,25 @@ class Error:
     @property
     def covered(self) -> bool | None:
         """Whether the stated 95 % interval holds the truth; None without a sigma."""
-        return None if self.sigma is None else abs(self.error) <= 1.96 * self.sigma
+        return None if self.sigma is None else abs(self.error) <= _BOUND * self.sigma
+
+    @property
+    def interval_width(self) -> float | None:
+        """The width of the stated 95 % interval; None without a sigma."""
+        return None if self.sigma is None else 2 * _BOUND * self.sigma
+
+    @property
+    def interval_score(self) -> float | None:
+        """The score of the stated 95 % interval, the less the better; None without a sigma.
+
+        Its width, and 40 times what the truth lies outside of it: neither wide intervals nor
+        narrow ones pay (Gneiting and Raftery 2007, "Strictly Proper Scoring Rules, Prediction,
+        and Estimation", equation 43).
+        """
+        if self.sigma is None:
+            return None
+        half = _BOUND * self.sigma
+        return 2 * half + _MISSED * max(0.0, abs(self.error) - half)
 
     @property
     def admitted(self) -> bool:
@@ -71,6 +97,14 @@ class LegScore:
 
 
 @dataclass(frozen=True)
+class ViewScore:
+    """How many of the model's views see the top, and how many of those were used."""
+
+    seeing: int
+    used: int
+
+
+@dataclass(frozen=True)
 class Score:
     """One run against its truth; what the truth leaves open is None or empty."""
 
@@ -86,6 +120,7 @@ class Score:
     legs: LegScore | None
     doubts: tuple[str, ...]
     weights: dict[str, float]
+    views: ViewScore | None = None
 
     @property
     def measured(self) -> tuple[Error, ...]:
@@ -134,6 +169,7 @@ def score(model: TableModel, truth: Truth) -> Score:
             **{other.shape: other.score for other in model.surface.alternatives},
             model.surface.shape: model.surface.score,
         },
+        views=_score_views(model, truth),
     )
 
 
@@ -150,18 +186,11 @@ def _align_snapshots(
     model: TableModel, truth: Truth
 ) -> tuple[Pose2 | None, tuple[Error, ...], tuple[float, ...]]:
     """Fit the used snapshots onto the true ones; return the fit and what is left, pose by pose."""
-    if not truth.snapshots:
-        return None, (), ()
-    stamps = np.array([s.stamp_ns for s in truth.snapshots], dtype=np.int64)
-    order = np.argsort(stamps)
     estimated, true, sigmas = [], [], []
-    for snapshot in model.snapshots:
+    for snapshot, known in _matched(model, truth):
         if not snapshot.used:
             continue
-        i = order[np.argmin(np.abs(stamps[order] - snapshot.stamp_ns))]
-        if abs(int(stamps[i]) - snapshot.stamp_ns) > 50_000_000:
-            continue
-        pose = truth.snapshots[i].map_from_base
+        pose = known.map_from_base
         true.append(Pose2(pose.x, pose.y, pose.yaw))
         at = snapshot.map_from_base
         estimated.append(Pose2(at.x, at.y, at.yaw))
@@ -180,6 +209,27 @@ def _align_snapshots(
         poses.append(Error("pose", distance, sigma, 0.0, distance))
         headings.append(abs(wrap_angle(placed.yaw - t.yaw)))
     return fit, tuple(poses), tuple(headings)
+
+
+def _matched(model: TableModel, truth: Truth) -> Iterator[tuple[SnapshotPose, TrueSnapshot]]:
+    """Yield the model's snapshots, each with the true one of its stamp, where there is one."""
+    if not truth.snapshots:
+        return
+    known = sorted(truth.snapshots, key=lambda snapshot: snapshot.stamp_ns)
+    stamps = np.array([snapshot.stamp_ns for snapshot in known], dtype=np.int64)
+    for snapshot in model.snapshots:
+        i = int(np.argmin(np.abs(stamps - snapshot.stamp_ns)))
+        if abs(int(stamps[i]) - snapshot.stamp_ns) <= _SAME_STAMP_NS:
+            yield snapshot, known[i]
+
+
+def _score_views(model: TableModel, truth: Truth) -> ViewScore | None:
+    """Count the views that see the top, and the used ones; None where the truth doesn't know."""
+    shares = [(snapshot.used, known.sees_top) for snapshot, known in _matched(model, truth)]
+    seeing = [used for used, share in shares if share is not None and share >= SEES_TOP]
+    if all(share is None for _, share in shares):
+        return None
+    return ViewScore(len(seeing), sum(seeing))
 
 
 def _dimension_errors(surface: TableSurface, truth: Truth) -> tuple[Error, ...]:
@@ -297,7 +347,7 @@ def _score_legs(model: TableModel, truth: Truth, truth_from_model: Pose2 | None)
         sigma = leg.position_sigma
         distance = float(distances[i, j])
         # 95 % of a two-dimensional normal lie within 2.448 sigma: scaled so that 1.96 is the bound.
-        planar = None if sigma is None else sigma * 2.448 / 1.96
+        planar = None if sigma is None else sigma * 2.448 / _BOUND
         places.append(Error("leg", distance, planar, 0.0, distance, leg.status))
         sizes.append(_leg_size(leg.dimensions, truth_leg.dimensions, leg.status))
     found = len(places)

@@ -48,13 +48,21 @@ class Evaluation:
     runs: tuple[RunScore, ...]
 
     def figures(self) -> dict[str, object]:
-        """Return the content of ``scores.json``."""
+        """Return the content of ``scores.json``; suites apart where all of them were run."""
+        from tablemap.simulation import SUITES
+        from tablemap.simulation import suite as scenarios_of
+
+        suites = {name: scenarios_of(name) for name in (SUITES if self.suite == "all" else ())}
         methods = {}
         for method in dict.fromkeys(run.method for run in self.runs):
             own = [run for run in self.runs if run.method == method]
             scenarios = dict.fromkeys(run.scenario for run in own)
             methods[method] = {
                 "overall": summarise(own),
+                "suites": {
+                    name: summarise([run for run in own if run.scenario in members])
+                    for name, members in suites.items()
+                },
                 "scenarios": {
                     name: summarise([run for run in own if run.scenario == name])
                     for name in scenarios
@@ -244,13 +252,15 @@ def score_run(run: AnyPath, truth: AnyPath | None = None) -> RunScore:
 
 
 def save(evaluation: Evaluation, output: Path) -> None:
-    """Write ``scores.json``, ``scores.md`` and ``errors.svg``."""
+    """Write ``scores.json``, ``scores.md``, ``figures.csv`` and ``errors.svg``."""
+    from tablemap.evaluation.listing import figures_csv
     from tablemap.evaluation.tables import error_svg, scores_markdown
 
     figures = evaluation.figures()
     texts = {
         "scores.json": json.dumps(figures, indent=1) + "\n",
         "scores.md": scores_markdown(figures, evaluation.runs),
+        "figures.csv": figures_csv(evaluation.runs),
         "errors.svg": error_svg(evaluation.runs),
     }
     for name, text in texts.items():

@@ -16,7 +16,7 @@ Rows = list[list[str]]
 
 
 def score_rows(figures: Mapping[str, Any]) -> Rows:
-    """Return a header and one row a scenario and method, ``overall`` last."""
+    """Return a header and one row a scenario and method, then suites, ``overall`` last."""
     header = [
         "scenario",
         "method",
@@ -35,6 +35,9 @@ def score_rows(figures: Mapping[str, Any]) -> Rows:
         "leg place mm",
         "leg size mm",
         "in 95 %",
+        "interval score mm",
+        "interval width mm",
+        "views used",
         "silent",
         "false alarms",
         "s",
@@ -46,6 +49,10 @@ def score_rows(figures: Mapping[str, Any]) -> Rows:
         for method, group in methods.items():
             if scenario in group["scenarios"]:
                 rows.append(_row(scenario, method, group["scenarios"][scenario]))
+    for suite in dict.fromkeys(s for method in methods.values() for s in method["suites"]):
+        for method, group in methods.items():
+            if group["suites"][suite]["runs"]:
+                rows.append(_row(f"**{suite}**", method, group["suites"][suite]))
     rows.extend(_row("**overall**", method, group["overall"]) for method, group in methods.items())
     return rows
 
@@ -65,14 +72,17 @@ def _row(scenario: str, method: str, f: Mapping[str, Any]) -> list[str]:
         _spread(f["pose_mm"]),
         _spread(f["pose_deg"], 3),
         _spread(f["outline_mm"]),
-        "-" if f["iou"] is None else f"{f['iou']:.3f}",
+        _figure(f["iou"], 3),
         f"{legs['found']}/{legs['missed']}/{legs['invented']}",
         _spread(legs["place_mm"]),
         _spread(legs["size_mm"]),
         _percent(f["coverage_95"]),
+        _figure(f["interval_score_mm"]),
+        _figure(f["interval_width_mm"]),
+        f"{f['views']['used']}/{f['views']['seeing']}" if f["views"]["seeing"] else "-",
         str(f["silent_failures"]),
         str(f["false_alarms"]),
-        "-" if f["seconds"]["total"] is None else f"{f['seconds']['total']:.1f}",
+        _figure(f["seconds"]["total"]),
     ]
 
 
@@ -80,6 +90,10 @@ def _spread(figure: Mapping[str, float | None], decimals: int = 1) -> str:
     if figure["median"] is None:
         return "-"
     return " / ".join(f"{figure[key]:.{decimals}f}" for key in ("median", "p95", "worst"))
+
+
+def _figure(value: float | None, decimals: int = 1) -> str:
+    return "-" if value is None else f"{value:.{decimals}f}"
 
 
 def _percent(share: float | None) -> str:
@@ -99,7 +113,9 @@ def scores_markdown(figures: Mapping[str, Any], runs: Sequence[RunScore]) -> str
     span = f"{min(seeds)} to {max(seeds)}" if seeds else "none"
     parts = [
         f"# Scores of `{figures['suite']}`, seeds {span}\n",
-        "Errors are median / 95th percentile / worst.\n",
+        "Errors are median / 95th percentile / worst. Interval scores and widths are means over"
+        " the 95 % intervals of dimensions and heights; a score is the width and 40 times what"
+        " the truth lies outside. Views used are of those that see a tenth of the top or more.\n",
         markdown(score_rows(figures)),
     ]
     remarks = [

@@ -51,10 +51,11 @@ class TrueLeg(Part):
 
 
 class TrueSnapshot(Part):
-    """Where the base was."""
+    """Where the base was, and the share of the top's area that the image shows unhidden."""
 
     stamp_ns: int
     map_from_base: PlanarPose
+    sees_top: float | None = None
 
 
 class Sensor(Part):

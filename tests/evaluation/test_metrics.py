@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
 
 from tablemap import model as m
 from tablemap.evaluation.aggregate import RunScore, summarise
-from tablemap.evaluation.metrics import Score, score
+from tablemap.evaluation.listing import figures_csv
+from tablemap.evaluation.metrics import Error, Score, ViewScore, score
+from tablemap.evaluation.suite import Evaluation
+from tablemap.evaluation.tables import score_rows
 from tablemap.evaluation.truth import Truth
 from tablemap.geometry import Pose2
 from tests.making.models import rectangle_model
@@ -296,3 +302,138 @@ def test_outline_distance_grows_with_the_shift() -> None:
         outline = tuple((x + shift, y) for x, y in model.surface.outline)
         distances.append(score(with_surface(model, outline=outline), truth).outline)
     assert all(b > 1.5 * a for a, b in pairwise(distances))
+
+
+def seeing(model: m.TableModel, shares: list[float | None]) -> Truth:
+    """Return a model's truth with the share of the top that each of its views shows."""
+    truth = truth_of(model)
+    assert truth.snapshots
+    snapshots = tuple(
+        known.model_copy(update={"sees_top": share})
+        for known, share in zip(truth.snapshots, shares, strict=True)
+    )
+    return truth.model_copy(update={"snapshots": snapshots})
+
+
+@pytest.mark.parametrize(
+    ("error", "sigma", "expected"),
+    [
+        (0.0, 0.002, 2 * 1.96 * 0.002),  # the width alone
+        (-0.0039, 0.002, 2 * 1.96 * 0.002),  # still inside
+        (0.005, 0.002, 2 * 1.96 * 0.002 + 40 * (0.005 - 1.96 * 0.002)),
+        (-0.005, 0.002, 2 * 1.96 * 0.002 + 40 * (0.005 - 1.96 * 0.002)),
+        (0.005, 0.0, 40 * 0.005),
+    ],
+)
+def test_an_interval_scores_its_width_and_what_it_misses(
+    error: float, sigma: float, expected: float
+) -> None:
+    """Equation 43 of Gneiting and Raftery for 95 %: each millimetre outside counts forty."""
+    assert Error("length", error, sigma, 1.2, 0.0).interval_score == pytest.approx(expected)
+
+
+def test_without_a_sigma_there_is_no_interval() -> None:
+    """Neither width nor score are made up."""
+    figure = Error("length", 0.003, None, 1.2, 0.0)
+    assert (figure.interval_score, figure.interval_width, figure.covered) == (None, None, None)
+
+
+def test_the_right_sigma_scores_best() -> None:
+    """Of sigmas from a quarter to four times the spread, the true one has the least score."""
+    errors = np.random.default_rng(3).normal(0, 0.002, 4000)
+    means = {
+        factor: np.mean(
+            [Error("length", e, 0.002 * factor, 1.2, 0.0).interval_score for e in errors.tolist()]
+        )
+        for factor in (0.25, 0.5, 1.0, 2.0, 4.0)
+    }
+    assert min(means, key=lambda factor: means[factor]) == 1.0
+    assert means[4.0] > 2 * means[1.0]
+
+
+def test_scores_and_widths_are_averaged_over_dimensions_and_heights() -> None:
+    """Two sides and a height of 2 mm each, one side 10 mm off."""
+    model = rectangle_model(length=1.187 + 0.010, sigma=0.002)
+    figures = summarise([run_of(score(model, truth_of(rectangle_model())))])
+    width = 2 * 1.96 * 2.0
+    missed = 40 * (10 - 1.96 * 2.0)
+    assert figures["interval_width_mm"] == pytest.approx(width, abs=1e-3)
+    assert figures["interval_score_mm"] == pytest.approx(width + missed / 3, abs=1e-3)
+    assert figures["interval_score_by"]["dimensions_mm"] == pytest.approx(
+        width + missed / 2, abs=1e-3
+    )
+    assert figures["interval_score_by"]["heights_mm"] == pytest.approx(width, abs=1e-3)
+    assert figures["interval_width_by"]["leg_places_mm"] == pytest.approx(2 * 2.448 * 3.0, abs=1e-3)
+
+
+def test_views_count_where_they_truly_see_the_top() -> None:
+    """Five of six see it; of those one was not used, and that the sixth was used is no merit."""
+    model = rectangle_model()
+    snapshots = list(model.snapshots)
+    snapshots[1] = snapshots[1].model_copy(update={"used": False, "reason": "no surface"})
+    model = model.model_copy(update={"snapshots": tuple(snapshots)})
+    result = score(model, seeing(model, [0.9, 0.8, 0.1, 0.3, 1.0, 0.02]))
+    assert result.views == ViewScore(5, 4)
+    figures = summarise([run_of(result), run_of(result)])
+    assert figures["views"] == {"seeing": 10, "used": 8, "share": 0.8}
+    assert score(model, truth_of(model)).views is None
+
+
+def test_all_suites_have_figures_of_their_own() -> None:
+    """A scenario of two suites counts in both; one suite alone is its own overall."""
+    model = rectangle_model()
+    result = score(model, truth_of(model))
+    runs = tuple(
+        RunScore(name, 0, "tablemap", result, None, {"surface": 1.0})
+        for name in ("circle", "desk", "stool", "bent_rectangle")
+    )
+    figures: Any = Evaluation("all", (0,), runs).figures()
+    suites = figures["methods"]["tablemap"]["suites"]
+    assert {name: group["runs"] for name, group in suites.items()} == {
+        "report": 2,
+        "hard": 1,
+        "real_sensors": 1,
+    }
+    assert all("coverage_95" in group for group in suites.values())
+    names = [row[0] for row in score_rows(figures)]
+    assert names[5:] == ["**report**", "**hard**", "**real_sensors**", "**overall**"]
+    alone: Any = Evaluation("report", (0,), runs[:2]).figures()
+    assert [row[0] for row in score_rows(alone)][3:] == ["**overall**"]
+
+
+def test_tables_show_score_width_and_views() -> None:
+    """A column each, a dash where nothing is known."""
+    model = rectangle_model(legs=0)
+    with_views = run_of(score(model, seeing(model, [0.5] * 6)))
+    failed = RunScore("lost", 0, "tablemap", None, "no table", {})
+    figures: Any = Evaluation("made", (0,), (with_views, failed)).figures()
+    header, made, lost, _ = score_rows(figures)
+    columns = [header.index(name) for name in ("interval score mm", "interval width mm")]
+    assert [made[i] for i in columns] == ["7.8", "7.8"]
+    assert made[header.index("views used")] == "6/6"
+    assert [lost[i] for i in (*columns, header.index("views used"))] == ["-", "-", "-"]
+
+
+def test_every_figure_is_a_line_of_csv() -> None:
+    """With its truth, error, sigma, and what the interval is worth."""
+    model = rectangle_model(legs=1, length=1.187 + 0.010)
+    bound = m.Dimension(value=0.9, sigma=None, status="unseen")
+    model = with_surface(model, dimensions={**model.surface.dimensions, "width": bound})
+    failed = RunScore("lost", 1, "tablemap", None, "no table", {})
+    runs = [run_of(score(model, truth_of(rectangle_model(legs=1)))), failed]
+    rows = list(csv.DictReader(io.StringIO(figures_csv(runs))))
+    assert [row["figure"] for row in rows] == [
+        "length",
+        "width",
+        "angle",
+        "height",
+        "leg 0 place",
+        "leg 0 size",
+    ]
+    length, width = rows[:2]
+    assert (length["scenario"], length["seed"], length["method"]) == ("made", "0", "tablemap")
+    assert float(length["truth"]) == pytest.approx(1.187)
+    assert float(length["error"]) == pytest.approx(0.010)
+    assert float(length["interval_width"]) == pytest.approx(2 * 1.96 * 0.002, abs=1e-6)
+    assert length["covered"] == "false"
+    assert (width["status"], width["sigma"], width["covered"]) == ("unseen", "", "")
