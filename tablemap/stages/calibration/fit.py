@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tablemap.geometry import Floats
+from tablemap.robust import geman_mcclure
 from tablemap.stages.calibration.floor import Floor, residuals
 
 GATES_M = (0.06, 0.04, 0.025, 0.015, 0.010, 0.010, 0.010)
@@ -74,7 +75,7 @@ def fit_floor(
     for gate in gates:
         residual = residuals(floor, common, own)
         width = np.maximum(gate, 3 * floor.sigma)
-        weight = floor.weight / (1 + (residual / width) ** 2) ** 2
+        weight = geman_mcclure((residual / width) ** 2, floor.weight)
         # Where the ray meets the floor, not where the noisy depth says: a regressor that shares
         # its noise with the residual draws the scale down.
         reach = -floor.camera_z / floor.arms[:, 2]

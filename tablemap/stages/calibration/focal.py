@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tablemap.config import CalibrationConfig, SensorsConfig
 from tablemap.geometry import Floats
+from tablemap.robust import geman_mcclure
 from tablemap.stages.calibration.floor import Floor, residuals
 from tablemap.stages.calibration.result import FocalLength
 from tablemap.stages.snapshots import Snapshot
@@ -54,7 +55,7 @@ def estimate_focal(
         heights = residuals(floor, np.append(state[:4], common[4]), none)
         heights = heights + (1 + state[2]) * state[4] * beside
         width = np.maximum(gate, 3 * floor.sigma)
-        weight = floor.weight / (1 + (heights / width) ** 2) ** 2
+        weight = geman_mcclure((heights / width) ** 2, floor.weight)
         # Where the ray meets the floor, as the fit without it does.
         reach = -floor.camera_z / (floor.arms[:, 2] + state[4] * beside)
         x, y = floor.arms[:, 0] * reach, floor.arms[:, 1] * reach

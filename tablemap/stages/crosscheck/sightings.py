@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tablemap.geometry import Floats, Pose2, invert, transform
 from tablemap.model.shapes import ShapeRecord, shape_named
+from tablemap.robust import mad_sigma
 from tablemap.stages.crosscheck.rows import Rows, bias_row, stacked, together
 from tablemap.stages.legs import Leg
 from tablemap.stages.legs.primitives import has_yaw, support, surface_distance
@@ -213,7 +214,7 @@ def _silhouettes(
 def _upright(angles: Floats, levels: Floats) -> tuple[float, float, float]:
     """Return the median, the robust spread, and what a line through them leans over the rows."""
     middle = float(np.median(angles))
-    spread = 1.4826 * float(np.median(np.abs(angles - middle)))
+    spread = mad_sigma(angles - middle)
     half = np.median(levels)
     upper, lower = angles[levels > half], angles[levels <= half]
     if len(upper) < 3 or len(lower) < 3:
@@ -245,7 +246,7 @@ def _face(
     if good.sum() < 12:
         return None
     middle = float(np.median(distance[good]))
-    spread = 1.4826 * float(np.median(np.abs(distance[good] - middle)))
+    spread = mad_sigma(distance[good] - middle)
     normal = normals[good].mean(axis=0)
     size = float(np.hypot(*normal))
     return middle, normal / size, spread, np.median(here[good], axis=0)

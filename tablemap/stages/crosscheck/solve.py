@@ -8,6 +8,7 @@ import numpy as np
 
 from tablemap.config import SensorsConfig
 from tablemap.geometry import Floats
+from tablemap.robust import geman_mcclure, reduced_chi_square
 from tablemap.stages.crosscheck.rows import Rows
 
 ASKED = 4
@@ -17,7 +18,7 @@ _SETTLES = 12
 # The asked offset is nearly free within what a wrong TF does: the data decide.
 _OFFSET_SIGMA = 0.02  # metres
 _YAW_SIGMA = 0.01  # radians
-_TUKEY = 9.0  # squared sigmas at which a row has a quarter of its weight
+_KERNEL = 9.0  # squared sigmas at which a row has a quarter of its weight
 _FREEDOM = 0.05  # metres: the outline is nearly free
 
 
@@ -79,9 +80,8 @@ def solve(
         scatter = np.ones(len(rows))
         for kind in (is_leg, ~is_leg):
             if kind.any():
-                # The median of a chi-square with one degree of freedom is 0.455.
-                scatter[kind] = max(1.0, float(np.median(squared[kind])) / 0.455)
-        weight = 1.0 / (rows.variance * scatter * (1.0 + squared / (_TUKEY * scatter)) ** 2)
+                scatter[kind] = max(1.0, reduced_chi_square(squared[kind]))
+        weight = geman_mcclure(squared / (_KERNEL * scatter), 1.0 / (rows.variance * scatter))
         information = np.asarray(prior + (design.T * weight) @ design, dtype=np.float64)
         pull = design.T @ (weight * rows.distance)
         following = np.asarray(np.linalg.solve(information, -pull), dtype=np.float64)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tablemap.geometry import Floats
 from tablemap.model.shapes import ShapeRecord
+from tablemap.robust import reduced_chi_square
 from tablemap.stages.legs.evidence import Evidence
 from tablemap.stages.legs.primitives import has_yaw, sizes_of, support, surface_distance
 
@@ -142,8 +143,7 @@ def fit_shapes(
             squares = np.sort(rows.residual[: rows.tangents] ** 2)
             rms[leg] = float(np.sqrt(np.mean(squares[: max(int(_AGREE * len(squares)), 1)])))
         if len(rows.residual) > width:
-            # The median of a chi-square with one degree of freedom is 0.455.
-            scale[leg] = max(1.0, float(np.median(ratio)) / 0.455)
+            scale[leg] = max(1.0, reduced_chi_square(ratio))
     covariance = np.asarray(scipy.linalg.inv(normal))
     mean_free = mean - x
     return Fit(

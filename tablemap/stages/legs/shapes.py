@@ -10,6 +10,7 @@ from scipy.linalg import block_diag
 from tablemap.config import SensorsConfig
 from tablemap.geometry import Floats, wrap_angles
 from tablemap.model.shapes import CIRCLE, RECTANGLE, SQUARE, ShapeRecord
+from tablemap.robust import reduced_chi_square
 from tablemap.stages.legs.candidates import Candidate
 from tablemap.stages.legs.evidence import Evidence
 from tablemap.stages.legs.fit import Fit, Priors, criterion, fit_shapes
@@ -138,8 +139,7 @@ def _weighted(evidence: list[Evidence], fit: Fit, scans: Scans) -> list[Evidence
 
 
 def _robust_scale(misfit: Floats) -> float:
-    # The median of a chi-square with one degree of freedom is 0.455.
-    return max(float(np.sqrt(np.median(misfit**2) / 0.455)), _LEAST)
+    return max(float(np.sqrt(reduced_chi_square(misfit**2))), _LEAST)
 
 
 def _best(

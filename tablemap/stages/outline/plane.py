@@ -10,6 +10,7 @@ from scipy.ndimage import uniform_filter
 
 from tablemap.config import OutlineConfig, SensorsConfig
 from tablemap.geometry import Floats
+from tablemap.robust import TUKEY_CUTOFF, mad_sigma, tukey
 from tablemap.stages.segmentation import Label, ViewSegmentation
 from tablemap.stages.snapshots import Snapshot
 
@@ -92,17 +93,17 @@ def fit_plane(
     spread = 0.01
     for _ in range(8):
         residual = points[:, 2] - design @ solution
-        spread = max(1.4826 * float(np.median(np.abs(residual))), 3e-4)
-        weight = np.square(np.clip(1 - np.square(residual / (4.685 * spread)), 0, None))
+        spread = max(mad_sigma(residual), 3e-4)
+        weight = tukey(residual / (TUKEY_CUTOFF * spread))
         normal = (design * weight[:, None]).T @ design * (worth / spread**2)
         right = (design * weight[:, None]).T @ points[:, 2] * (worth / spread**2)
         normal[[1, 2], [1, 2]] += np.radians(sensors.calibrated_view_tilt_sigma_deg) ** -2
         normal[0, 0] += 1e-9
         solution = np.linalg.solve(normal, right)
     residual = points[:, 2] - design @ solution
-    inlier = np.abs(residual) < 4.685 * spread
+    inlier = np.abs(residual) < TUKEY_CUTOFF * spread
     scaled = residual / fall / axial_noise(depth)
-    noise = 1.4826 * float(np.median(np.abs(scaled[inlier])))
+    noise = mad_sigma(scaled[inlier])
     sigma = _patch_sigma(rows[inlier], columns[inlier], residual[inlier], snapshot.depth.shape[1])
 
     beside = columns + np.where(columns < snapshot.depth.shape[1] - 2, 2, -2)
@@ -110,7 +111,7 @@ def fit_plane(
     other = snapshot.camera.rays[rows, beside].astype(np.float64) * other_depth[:, None]
     other = other @ pose[:3, :3].T + pose[:3, 3]
     expected = solution[0] + (other[:, :2] - centre) @ solution[1:]
-    both = inlier & (np.abs(other[:, 2] - expected) < 4.685 * spread)
+    both = inlier & (np.abs(other[:, 2] - expected) < TUKEY_CUTOFF * spread)
     product = residual[both] * (other[both, 2] - expected[both])
     shared = float(np.mean(product) / max(np.mean(residual[both] ** 2), 1e-12)) if both.any() else 1
     return ViewPlane(
@@ -142,7 +143,7 @@ def _patch_sigma(
     if len(means) < 4:
         return float(np.std(residual) + 1e-3)
     # Neighbouring patches err together: four count as one.
-    return float(1.4826 * np.median(np.abs(means)) * 2 / np.sqrt(len(means)) + 2e-4)
+    return float(mad_sigma(means) * 2 / np.sqrt(len(means)) + 2e-4)
 
 
 def joint_height(
@@ -161,7 +162,7 @@ def joint_height(
         scatter = max(start_sigma, 0.002)
         return float(heights[0]), float(np.hypot(own[0], scatter)), scatter
     # What the views scatter beyond their own sigma is common to a view's pixels.
-    beyond = (1.4826 * np.median(np.abs(heights - np.median(heights)))) ** 2 - np.median(own**2)
+    beyond = mad_sigma(heights - np.median(heights)) ** 2 - np.median(own**2)
     scatter = float(np.sqrt(max(beyond, 5e-4**2)))
     sigma = np.hypot(own, scatter)
     height = float(np.median(heights))

@@ -8,6 +8,7 @@ import numpy as np
 
 from tablemap.config import OutlineConfig
 from tablemap.geometry import Floats
+from tablemap.robust import mad_sigma
 from tablemap.stages.outline.contour import Contour, PlacedContour
 from tablemap.stages.outline.occupancy import Occupancy
 from tablemap.stages.outline.plane import axial_noise
@@ -145,5 +146,5 @@ def joint_rim(views: list[FaceEnds]) -> tuple[float, float] | None:
     if not medians:
         return None
     value = float(np.median(medians))
-    scatter = 1.4826 * float(np.median(np.abs(np.array(medians) - value)))
+    scatter = mad_sigma(np.array(medians) - value)
     return value, float(np.hypot(scatter / np.sqrt(len(medians)), RIM_SIGMA_M))

@@ -11,6 +11,7 @@ from scipy import ndimage
 
 from tablemap.config import SegmentationConfig, SensorsConfig
 from tablemap.geometry import Floats
+from tablemap.robust import geman_mcclure, tukey
 from tablemap.stages.segmentation.result import TableCandidate
 from tablemap.stages.segmentation.views import LEAST_UPWARD, View, inside, tolerance
 
@@ -98,7 +99,7 @@ def joint_height(
     weight = np.array(weights)
     value = float(np.average(heights, weights=weight))
     for gate in (0.02, 0.012, 0.008):  # a view on another surface must not pull the rest
-        robust = weight / (1 + ((heights - value) / gate) ** 2) ** 2
+        robust = geman_mcclure(((heights - value) / gate) ** 2, weight)
         value = float(np.average(heights, weights=robust))
     effective = float(robust.sum() ** 2 / np.square(robust).sum())
     scatter = float(np.sqrt(np.average((heights - value) ** 2, weights=robust)))
@@ -182,7 +183,7 @@ def _plane(points: Floats, noise: float, sensors: SensorsConfig) -> Plane:
     prior = np.diag([0.0, 1 / tilt**2, 1 / tilt**2]) * 100 * (noise**2 + 0.002**2)
     for _ in range(6):
         residual = heights - rows @ fit
-        weight = np.clip(1 - (residual / gate) ** 2, 0, None) ** 2
+        weight = tukey(residual / gate)
         if weight.sum() < 1.0:
             break
         normal = rows.T @ (rows * weight[:, None]) + prior

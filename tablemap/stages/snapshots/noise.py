@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tablemap.robust import mad_sigma
 from tablemap.stages.snapshots.result import Snapshot
 
 ROW_STRIDE_PX = 5
@@ -44,8 +45,8 @@ def depth_sigma(snapshot: Snapshot) -> NDArray[np.float32]:
         bounds = np.searchsorted(slabs[order], np.arange(count + 1))
         for k in range(count):
             if bounds[k + 1] - bounds[k] >= LEAST_SAMPLES:
-                spread = np.median(bends[order[bounds[k] : bounds[k + 1]]])
-                sigmas[k] = 1.4826 * spread / np.sqrt(6)
+                spread = mad_sigma(bends[order[bounds[k] : bounds[k + 1]]])
+                sigmas[k] = spread / np.sqrt(6)
     sigmas = np.sqrt(sigmas**2 + steps**2 / 12 + LEAST_SIGMA_M**2)
     per_pixel: NDArray[np.float32] = sigmas[slab].astype(np.float32)
     per_pixel[~np.isfinite(depth)] = np.nan

@@ -8,6 +8,7 @@ import numpy as np
 
 from tablemap.config import SurfaceConfig
 from tablemap.geometry import Floats
+from tablemap.robust import mad_sigma
 from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.joint import JointFit
 from tablemap.stages.surface.residuals import Noise
@@ -67,7 +68,7 @@ def _scatter(normalised: Floats) -> float:
     """Return how far residuals scatter in units of their sigma; few say nothing."""
     if len(normalised) < 30:
         return 1.0
-    return float(np.clip(1.4826 * np.median(np.abs(normalised)), 0.25, 5.0))
+    return float(np.clip(mad_sigma(normalised), 0.25, 5.0))
 
 
 def _kappa_range(evidence: Evidence, config: SurfaceConfig) -> tuple[float, float]:

@@ -8,6 +8,7 @@ from shapely.ops import polygonize, unary_union
 
 from tablemap.config import SurfaceConfig
 from tablemap.geometry import Floats, Ints, wrap_angle, wrap_angles
+from tablemap.robust import geman_mcclure
 from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.shapes.shape import area
 from tablemap.stages.surface.shapes.straight import Polygon, Rectilinear, Sided
@@ -101,7 +102,7 @@ def _refine(angle: float, at: float, points: Floats, turn: Floats) -> tuple[floa
         outward = np.array([np.cos(angle), np.sin(angle)])
         along = points[close] @ np.array([-outward[1], outward[0]])
         offset = points[close] @ outward - at
-        weight = 1 / (1 + (offset / 0.005) ** 2) ** 2
+        weight = geman_mcclure((offset / 0.005) ** 2)
         middle = float(np.average(along, weights=weight))
         mean = float(np.average(offset, weights=weight))
         spread = float(np.average((along - middle) ** 2, weights=weight))

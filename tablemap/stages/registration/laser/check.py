@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from tablemap.geometry import Floats, Pose2
+from tablemap.robust import mad_sigma
 from tablemap.stages.registration.correlative import likelihood
 from tablemap.stages.registration.result import StopCheck, StopScan
 from tablemap.stages.snapshots import is_same_place
@@ -120,7 +121,7 @@ def _compare(
     )
     overlap = float(matched.mean())
     if matched.any():
-        rms = float(1.4826 * np.median(np.abs(apart)))
+        rms = mad_sigma(apart)
         # Of all that is near: a wrong place finds neighbours too, but neither near nor parallel.
         limit = max(_CONSISTENT, 3 * float(np.hypot(source.noise, target.noise)))
         consistent = float((np.abs(apart) < limit).sum() / max(found.sum(), 1))

@@ -1,0 +1,51 @@
+"""Robust statistics: a few wrong values hardly move them.
+
+Weights are those of iteratively reweighted least squares; see Z. Zhang, Parameter Estimation
+Techniques: A Tutorial with Application to Conic Fitting (1997), table 1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tablemap.geometry import Floats
+
+MAD_TO_SIGMA = 1.4826
+"""A normal distribution's standard deviation, in median absolute deviations."""
+
+TUKEY_CUTOFF = 4.685
+"""Sigmas at which Tukey's weight ends, for 95 % efficiency on a normal distribution."""
+
+_CHI_SQUARE_MEDIAN = 0.455  # of one degree of freedom
+
+
+def mad_sigma(deviations: NDArray[np.floating]) -> float:
+    """Return the standard deviation that the median of (n,) absolute deviations speaks of.
+
+    The deviations are those from a fit, or from a median.
+    """
+    return float(MAD_TO_SIGMA * np.median(np.abs(deviations)))
+
+
+def geman_mcclure(squared: Floats, weight: Floats | float = 1.0) -> Floats:
+    """Return (n,) weights for residuals whose squares over the kernel's are given.
+
+    A residual as large as the kernel's scale keeps a quarter of its ``weight``.
+    """
+    weights: Floats = weight / (1 + squared) ** 2
+    return weights
+
+
+def tukey(ratio: Floats) -> Floats:
+    """Return (n,) Tukey's weights for residuals over the cut-off: 0 from the cut-off on."""
+    weights: Floats = np.square(np.clip(1 - np.square(ratio), 0, None))
+    return weights
+
+
+def reduced_chi_square(squared: Floats) -> float:
+    """Return by how many times residuals are larger than their variances say, from the median.
+
+    ``squared`` (n,) are residuals over their sigmas, squared.
+    """
+    return float(np.median(squared)) / _CHI_SQUARE_MEDIAN
