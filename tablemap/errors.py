@@ -44,6 +44,9 @@ WARNING_CODES: dict[str, str] = {
     "surface.depth_scale": "The edges doubt the camera's height in TF, or the laser's ranges.",
     "calibration.focal_length": "The floor shows a wrong focal length; it was corrected.",
     "segmentation.table_tie": "Several surfaces could be the table; one was chosen.",
+    "accuracy.tf_conflict": (
+        "Two sources send one transform and disagree; the one that sent most was taken."
+    ),
     "accuracy.few_views": "Too few views see the table to check one against another.",
     "accuracy.height_scatter": "The views disagree on the height of the top.",
     "accuracy.calibration": "The floor asks for a camera tilt or depth scale beyond the plausible.",

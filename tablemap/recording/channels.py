@@ -12,7 +12,8 @@ from tablemap.config import LimitsConfig
 from tablemap.recording.decoding import TRANSFORMS, Decoder, DecodingError
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
 from tablemap.recording.raw import Source
-from tablemap.recording.tf.frames import TransformCollector, TransformTree
+from tablemap.recording.tf.collector import TransformCollector
+from tablemap.recording.tf.frames import TransformTree
 from tablemap.recording.topics import Roles, Topic, decoders_of, implied_transforms
 
 Stamps = NDArray[np.int64]
@@ -116,7 +117,7 @@ class Channels:
                     message = decoder.decode(raw)
                     assert isinstance(message, tuple)
                     for transform in message:
-                        collector.add(transform)
+                        collector.add(transform, publisher=raw.channel_id)
                     continue
                 topic = topic_of[raw.channel_id]
                 stamp_ns, frame_id = decoder.header(raw)
@@ -131,7 +132,7 @@ class Channels:
         if collector.rejected:
             self._say(
                 "recording.damaged",
-                f"{collector.rejected} transforms were left out, for they are no rigid motions.",
+                f"{collector.lost()} were left out, for they are no rigid motions.",
             )
         depth, colour, laser = (
             _by_stamp([] if topic is None else stamped.get(topic.name, []))

@@ -18,8 +18,9 @@ from tablemap.recording.messages import CameraInfo, CompressedImage, Image, Lase
 from tablemap.recording.raw import Channel, Source
 from tablemap.recording.rectification import rectification
 from tablemap.recording.sources import open_source
-from tablemap.recording.tf.frame_roles import FrameNames, find_frames
-from tablemap.recording.tf.frames import TransformCollector, TransformTree
+from tablemap.recording.tf.collector import TransformCollector
+from tablemap.recording.tf.frame_roles import FrameNames, conflicts, find_frames
+from tablemap.recording.tf.frames import TransformTree
 from tablemap.recording.topics import (
     Roles,
     Topic,
@@ -132,6 +133,8 @@ def inspect(
             if roles.transforms:
                 frame_roles, problems = _frame_roles(tree, roles, config)
                 missing += problems
+                if frame_roles is not None:
+                    choices += conflicts(tree, frame_roles)
     return RecordingInfo(
         path=str(as_path(path)),
         size_bytes=as_path(path).stat().st_size,
@@ -228,7 +231,7 @@ def _sampled_tree(source: Source, roles: Roles, limits: LimitsConfig) -> tuple[T
                 continue  # processing says so; the tree is read from the others
             if isinstance(message, tuple):
                 for transform in message:
-                    collector.add(transform)
+                    collector.add(transform, publisher=raw.channel_id)
     return collector.tree(), sampled
 
 

@@ -21,7 +21,13 @@ from tablemap.recording.messages import CameraInfo, CompressedImage, Image, Lase
 from tablemap.recording.raw import Source
 from tablemap.recording.rectification import Rectification, rectification
 from tablemap.recording.sources import open_source
-from tablemap.recording.tf.frame_roles import FrameNames, find_frames, ground_pose, pose_stamps
+from tablemap.recording.tf.frame_roles import (
+    FrameNames,
+    conflicts,
+    find_frames,
+    ground_pose,
+    pose_stamps,
+)
 from tablemap.recording.topics import (
     Roles,
     camera_frame,
@@ -281,6 +287,7 @@ class Recording:
                 f"The laser on {self.roles.laser.name} was not used: its frame "
                 f"{self.roles.laser.frame_id!r} is not connected to the base in TF.",
             )
+        self.warnings += conflicts(self.tree, names)
         return names
 
     def _span(self) -> tuple[int, int]:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tablemap.config import TopicsConfig
-from tablemap.errors import RecordingError
+from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.geometry import Floats
 from tablemap.recording.tf.frames import Edge, Stamps, TransformTree
 
@@ -71,6 +71,24 @@ def find_frames(
     placed = laser is not None and tree.connected(laser, carrier)
     odom = _odom(tree, names, carrier, config.odom_frame)
     return replace(names, odom=odom, laser=laser if placed else None)
+
+
+def conflicts(tree: TransformTree, names: FrameNames) -> list[ProcessWarning]:
+    """Return a warning for each edge that poses rest on, and that several sources send."""
+    carrier = names.camera if names.base_is_virtual else names.base
+    ends = [(names.fixed, names.camera), (names.fixed, carrier)]
+    ends += [(names.odom, carrier)] if names.odom else []
+    ends += [(carrier, names.laser)] if names.laser else []
+    used = [edge for end in ends for way in tree.path(*end) for edge in way]
+    said = dict.fromkeys(edge.conflict for edge in used if edge.conflict is not None)
+    return [
+        ProcessWarning(
+            "accuracy.tf_conflict",
+            "recording",
+            f"{conflict}; the one that sent most was taken. Stop the others and record again.",
+        )
+        for conflict in said
+    ]
 
 
 def ground_pose(fixed_from_camera: Floats) -> Floats:

@@ -8,7 +8,6 @@ edge that is static, or of which all samples are equal, holds at any time.
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,10 +18,9 @@ from scipy.spatial.transform import Rotation
 
 from tablemap.errors import RecordingError
 from tablemap.geometry import Floats
-from tablemap.recording.messages import TransformStamped
+from tablemap.recording.tf.tracks import MAX_GAP_NS, Conflict
 
 TOLERANCE_NS = 100_000_000
-MAX_GAP_NS = 2_000_000_000
 GAP_METRES = 0.05
 GAP_RADIANS = 0.05
 
@@ -32,13 +30,17 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Edge:
-    """``parent_from_child`` over time: (n,) stamps ascending, (n, 3) metres, (n, 4) xyzw."""
+    """``parent_from_child`` over time: (n,) stamps ascending, (n, 3) metres, (n, 4) xyzw.
+
+    ``conflict`` tells that other sources sent the edge too, and sent it differently.
+    """
 
     parent: str
     child: str
     stamps_ns: Stamps
     translations: Floats
     quaternions: Floats
+    conflict: Conflict | None = None
 
     @property
     def is_static(self) -> bool:
@@ -81,7 +83,7 @@ class Edge:
 
 
 class TransformTree:
-    """The edges of a recording, by child and parent. Build it with `TransformCollector`."""
+    """The edges of a recording, by child and parent."""
 
     def __init__(self, edges: Iterable[Edge]) -> None:
         self.edges: dict[str, list[Edge]] = {}
@@ -179,57 +181,6 @@ class TransformTree:
         """Return the edges between two frames that change over time."""
         up_target, up_source = self.path(target, source)
         return [edge for edge in (*up_target, *up_source) if not edge.is_static]
-
-
-class TransformCollector:
-    """Gathers transforms into a `TransformTree`; ``rejected`` counts those that are no poses."""
-
-    def __init__(self) -> None:
-        self.rejected = 0
-        self._samples: dict[tuple[str, str], tuple[array[int], array[float]]] = {}
-        self._moving: set[tuple[str, str]] = set()
-
-    def add(self, transform: TransformStamped) -> None:
-        """Take a transform; of a run of equal ones only the first and the last are kept."""
-        key = (transform.parent_frame, transform.child_frame)
-        values = array("d", (*transform.translation, *transform.rotation))
-        if key[0] == key[1] or not all(key):
-            self.rejected += 1
-            return
-        if not transform.is_static:
-            self._moving.add(key)
-        stamps, poses = self._samples.setdefault(key, (array("q"), array("d")))
-        if poses[-14:] == values * 2 and stamps[-1] <= transform.stamp_ns:
-            stamps[-1] = transform.stamp_ns
-            return
-        stamps.append(transform.stamp_ns)
-        poses.extend(values)
-
-    def tree(self) -> TransformTree:
-        """Return the tree of all that was taken."""
-        edges = []
-        for (parent, child), (stamps, poses) in self._samples.items():
-            edge = self._edge(parent, child, np.array(stamps), np.array(poses).reshape(-1, 7))
-            if edge is not None:
-                edges.append(edge)
-        return TransformTree(edges)
-
-    def _edge(self, parent: str, child: str, stamps: Stamps, poses: Floats) -> Edge | None:
-        # Garbage may hold any number; a place a thousand kilometres off is none.
-        poses = np.where(np.abs(poses) < 1e6, poses, np.nan)
-        norms = np.linalg.norm(poses[:, 3:], axis=1)
-        sound = np.all(np.isfinite(poses), axis=1) & (np.abs(norms - 1) < 0.1)
-        self.rejected += int(np.sum(~sound))
-        if not sound.any():
-            return None
-        stamps, poses, norms = stamps[sound], poses[sound], norms[sound]
-        if (parent, child) not in self._moving or np.ptp(poses, axis=0).max() == 0:
-            # Of several static ones the latest counts, as in tf2.
-            stamps, poses, norms = stamps[-1:], poses[-1:], norms[-1:]
-        # Of several samples with one stamp the first counts, as in tf2.
-        stamps, first = np.unique(stamps, return_index=True)
-        quaternions = poses[first, 3:] / norms[first, None]
-        return Edge(parent, child, stamps, poses[first, :3], quaternions)
 
 
 def slerp(first: Floats, second: Floats, fraction: Floats) -> Floats:

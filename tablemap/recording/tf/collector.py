@@ -1,0 +1,179 @@
+"""Gathers transforms as they are read, and makes a tree of them: by edge, publisher and robot."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Collection
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tablemap.geometry import Floats
+from tablemap.recording.messages import TransformStamped
+from tablemap.recording.tf.frames import Edge, TransformTree
+from tablemap.recording.tf.tracks import (
+    STATIC_METRES,
+    STATIC_RADIANS,
+    Conflict,
+    Separated,
+    Track,
+    agree,
+    joined,
+    separate,
+    spread,
+)
+
+FARTHEST = 1e6
+"""Garbage may hold any number: a place a thousand kilometres off is none."""
+
+
+@dataclass
+class _Samples:
+    """What one publisher sent of an edge: stamps, seven numbers each, and which came last."""
+
+    stamps: array[int] = field(default_factory=lambda: array("q"))
+    poses: array[float] = field(default_factory=lambda: array("d"))
+    latest: int = 0
+
+    def add(self, stamp_ns: int, values: array[float], number: int) -> None:
+        """Take a sample; of a run of equal ones only the first and the last are kept."""
+        self.latest = number
+        if self.poses[-14:] == values * 2 and self.stamps[-1] <= stamp_ns:
+            self.stamps[-1] = stamp_ns
+            return
+        self.stamps.append(stamp_ns)
+        self.poses.extend(values)
+
+
+@dataclass(frozen=True)
+class _Sender:
+    """Who sent a transform: the namespace of its topic, its channel, and whether it is static."""
+
+    namespace: str
+    publisher: int
+    is_static: bool
+
+
+class TransformCollector:
+    """Gathers transforms into a `TransformTree`.
+
+    ``rejected`` counts, by parent and child, those that are no poses, once the tree was made.
+    """
+
+    def __init__(self) -> None:
+        self.rejected: dict[tuple[str, str], int] = {}
+        self._misnamed: dict[tuple[str, str], int] = {}
+        self._edges: dict[tuple[str, str], dict[_Sender, _Samples]] = {}
+        self._taken = 0
+
+    def add(self, transform: TransformStamped, *, publisher: int = 0, namespace: str = "") -> None:
+        """Take a transform, from the channel and the namespace that it was sent on."""
+        key = (transform.parent_frame, transform.child_frame)
+        if key[0] == key[1] or not all(key):
+            self._misnamed[key] = self._misnamed.get(key, 0) + 1
+            return
+        senders = self._edges.setdefault(key, {})
+        sender = _Sender(namespace, publisher, transform.is_static)
+        if sender not in senders:
+            senders[sender] = _Samples()
+        values = array("d", (*transform.translation, *transform.rotation))
+        self._taken += 1
+        senders[sender].add(transform.stamp_ns, values, self._taken)
+
+    def robots(self) -> tuple[str, ...]:
+        """Return the namespaces that each move the same edges in their own way, sorted."""
+        found: set[str] = set()
+        for senders in self._edges.values():
+            tracks: dict[str, list[Track]] = {}
+            for sender, samples in senders.items():
+                track = _by_stamp(_sound(samples)[0])
+                if not sender.is_static and len(track.stamps_ns):
+                    tracks.setdefault(sender.namespace, []).append(track)
+            if len(tracks) > 1:
+                each = {name: joined(own) for name, own in tracks.items()}
+                first = next(iter(each))
+                found |= {
+                    robot
+                    for name in each
+                    if name != first and not agree(each[first], each[name])
+                    for robot in (first, name)
+                }
+        return tuple(sorted(found))
+
+    def tree(self, *, without: Collection[str] = ()) -> TransformTree:
+        """Return the tree of all that was taken, but for what some namespaces sent."""
+        self.rejected = dict(self._misnamed)
+        edges = []
+        for key, senders in self._edges.items():
+            sent = {
+                sender: samples
+                for sender, samples in senders.items()
+                if sender.namespace not in without
+            }
+            edge = self._edge(key, sent)
+            if edge is not None:
+                edges.append(edge)
+        return TransformTree(edges)
+
+    def lost(self) -> str:
+        """Say how many transforms were rejected, and between which frames."""
+        shown = [
+            f"{number} transforms from {parent or '(no name)'} to {child or '(no name)'}"
+            for (parent, child), number in sorted(self.rejected.items(), key=lambda each: -each[1])
+        ]
+        more = f" and of {len(shown) - 3} more frames" if len(shown) > 3 else ""
+        return ", ".join(shown[:3]) + more
+
+    def _edge(self, key: tuple[str, str], senders: dict[_Sender, _Samples]) -> Edge | None:
+        moving: list[Track] = []
+        static: list[Track] = []
+        for sender, samples in sorted(senders.items(), key=lambda each: each[1].latest):
+            track, unsound = _sound(samples)
+            if unsound:
+                self.rejected[key] = self.rejected.get(key, 0) + unsound
+            if len(track.stamps_ns):
+                (static if sender.is_static else moving).append(track)
+        if not moving:
+            return _static_edge(key, static) if static else None
+        source = separate([_by_stamp(track) for track in moving], static)
+        track = source.track
+        if np.ptp(track.poses, axis=0).max() == 0:
+            track = Track(track.stamps_ns[-1:], track.poses[-1:])
+        # Of several samples with one stamp the first counts, as in tf2.
+        stamps, first = np.unique(track.stamps_ns, return_index=True)
+        places, turns = track.poses[first, :3], track.poses[first, 3:]
+        return Edge(*key, stamps, places, turns, _conflict(key, source))
+
+
+def _sound(samples: _Samples) -> tuple[Track, int]:
+    """Return the samples that are poses, as they came, and how many are none."""
+    stamps = np.array(samples.stamps, dtype=np.int64)
+    poses = np.array(samples.poses).reshape(-1, 7)
+    poses = np.where(np.abs(poses) < FARTHEST, poses, np.nan)
+    norms = np.linalg.norm(poses[:, 3:], axis=1)
+    sound = np.all(np.isfinite(poses), axis=1) & (np.abs(norms - 1) < 0.1)
+    stamps, poses, norms = stamps[sound], poses[sound], norms[sound]
+    poses[:, 3:] /= norms[:, None]
+    return Track(stamps, poses), int(np.sum(~sound))
+
+
+def _by_stamp(track: Track) -> Track:
+    order = np.argsort(track.stamps_ns, kind="stable")
+    return Track(track.stamps_ns[order], track.poses[order])
+
+
+def _static_edge(key: tuple[str, str], tracks: list[Track]) -> Edge:
+    """Return an edge that never moves: of several values the last counts, as in tf2."""
+    latest = tracks[-1]
+    poses: Floats = np.concatenate([track.poses for track in tracks])
+    metres, radians = spread(poses, latest.poses[-1])
+    different = metres > STATIC_METRES or radians > STATIC_RADIANS
+    conflict = Conflict(*key, 2, metres, radians) if different else None
+    pose = latest.poses[-1:]
+    return Edge(*key, latest.stamps_ns[-1:], pose[:, :3], pose[:, 3:], conflict)
+
+
+def _conflict(key: tuple[str, str], source: Separated) -> Conflict | None:
+    if source.sources == 1:
+        return None
+    return Conflict(*key, source.sources, source.metres, source.radians)
