@@ -1,4 +1,4 @@
-"""Settings: camera tilt and scale from the floor; the sigmas are what is believed beforehand."""
+"""Settings: camera tilt and scale from the floor."""
 
 from __future__ import annotations
 
@@ -8,30 +8,72 @@ from tablemap.config.section import Section
 
 
 class CalibrationConfig(Section):
-    """Camera tilt and scale from the floor; the sigmas are what is believed before it is seen."""
+    """Camera tilt and scale from the floor."""
 
     least_level: float = Field(
         default=0.02,
         gt=0,
-        description="metres that the floor lies off z = 0, where else the scale is implausible",
+        description="metres that the floor must lie off z = 0, for heights to count from it "
+        "where the depth's scale would else be implausible. Higher: a raised "
+        "floor is put down to the scale sooner",
     )
     held_roll_deg: float = Field(
-        default=2.0, gt=0, description="image roll that varies by more tells a camera held by hand"
+        default=2.0,
+        gt=0,
+        description="degrees; images whose roll scatters by more come from a camera held by "
+        "hand. Higher: such a camera is believed its height",
     )
     view_scatter: float = Field(
-        default=0.012, gt=0, description="metres between views' floors that call for a fit per view"
+        default=0.012,
+        gt=0,
+        description="metres; where the views' floors scatter by more, each view gets a tilt "
+        "and a height of its own. Higher: this is done more rarely",
     )
     floor_band: float = Field(
-        default=0.05, gt=0, description="metres round z = 0 to search, at the base"
+        default=0.05,
+        gt=0,
+        description="metres round z = 0, below the robot, in which the floor is searched. "
+        "Higher: worse frames are mended, and low things pass for floor",
     )
-    floor_slope: float = Field(default=0.03, ge=0, description="more of it per metre of distance")
-    least_floor_pixels: int = Field(default=3000, ge=10, description="in all views together")
+    floor_slope: float = Field(
+        default=0.03,
+        ge=0,
+        description="metres that the band grows by, per metre of distance. Higher: as for "
+        "`floor_band`",
+    )
+    least_floor_pixels: int = Field(
+        default=3000,
+        ge=10,
+        description="pixels of floor in all views together; fewer say nothing. Higher: the "
+        "camera is left as recorded sooner",
+    )
     focal_tilts: int = Field(
-        default=10, ge=2, description="fewest different tilts that show a focal length"
+        default=10,
+        ge=2,
+        description="different tilts of the camera that must have been seen, for the floor to "
+        "show a focal length. Higher: fewer recordings show it",
     )
     focal_significance: float = Field(
-        default=4.0, gt=0, description="sigmas from which on a focal length is corrected"
+        default=4.0,
+        gt=0,
+        description="standard deviations that an error of the focal length must exceed, to be "
+        "corrected. Higher: only clearer errors are corrected",
     )
-    plausible_focal: float = Field(default=0.1, gt=0, description="largest focal correction")
-    plausible_tilt_deg: float = Field(default=2.0, gt=0)
-    plausible_scale: float = Field(default=0.025, gt=0)
+    plausible_focal: float = Field(
+        default=0.1,
+        gt=0,
+        description="share of the focal length; a larger error is not corrected. Higher: "
+        "larger errors are",
+    )
+    plausible_tilt_deg: float = Field(
+        default=2.0,
+        gt=0,
+        description="degrees; a larger roll or pitch is a doubt. Higher: larger tilts pass "
+        "without a warning",
+    )
+    plausible_scale: float = Field(
+        default=0.025,
+        gt=0,
+        description="share of a depth; a larger scale error is a doubt, and other heights of "
+        "the floor are tried. Higher: larger errors pass without a warning",
+    )

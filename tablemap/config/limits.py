@@ -15,32 +15,107 @@ class LimitsConfig(Section):
     A few kilobytes can claim to be gigabytes. The defaults are far above what robots write.
     """
 
-    chunk_mib: int = Field(default=256, gt=0, description="most that a chunk unpacks to, MiB")
-    record_mib: int = Field(default=256, gt=0, description="largest record of a file, MiB")
+    chunk_mib: int = Field(
+        default=256,
+        gt=0,
+        description="MiB; most that one chunk unpacks to. Higher: larger files are read, with "
+        "more memory and time",
+    )
+    record_mib: int = Field(
+        default=256,
+        gt=0,
+        description="MiB; largest record of a file. Higher: larger files are read, with more "
+        "memory and time",
+    )
     unpacked_mib: int = Field(
-        default=2048, gt=0, description="most that all chunks unpack to, MiB, or the next if more"
+        default=2048,
+        gt=0,
+        description="MiB; most that all chunks unpack to (`expansion` times the file, if that "
+        "is more). Higher: larger files are read, with more memory and time",
     )
     expansion: int = Field(
-        default=100, gt=0, description="most that all chunks unpack to, in sizes of the file"
+        default=100,
+        gt=0,
+        description="sizes of the file; most that all chunks unpack to (`unpacked_mib`, if "
+        "that is more). Higher: larger files are read, with more memory and time",
     )
-    channels: int = Field(default=4096, gt=0, description="most channels")
-    messages: int = Field(default=100_000_000, gt=0, description="most messages of a recording")
-    chunk_messages: int = Field(default=1_000_000, gt=0, description="most messages of a chunk")
-    schemas: int = Field(default=64, gt=0, description="most different schemas that are read")
-    schema_kib: int = Field(default=128, gt=0, description="largest schema that is read, KiB")
+    channels: int = Field(
+        default=4096,
+        gt=0,
+        description="channels; most of a recording. Higher: larger files are read, with more "
+        "memory and time",
+    )
+    messages: int = Field(
+        default=100_000_000,
+        gt=0,
+        description="messages; most of a recording. Higher: larger files are read, with more "
+        "memory and time",
+    )
+    chunk_messages: int = Field(
+        default=1_000_000,
+        gt=0,
+        description="messages; most of one chunk. Higher: larger files are read, with more "
+        "memory and time",
+    )
+    schemas: int = Field(
+        default=64,
+        gt=0,
+        description="schemas; most different ones that are read. Higher: larger files are "
+        "read, with more memory and time",
+    )
+    schema_kib: int = Field(
+        default=128,
+        gt=0,
+        description="KiB; largest schema that is read. Higher: larger files are read, with "
+        "more memory and time",
+    )
     schema_parts: int = Field(
-        default=500, gt=0, description="most fields, constants and spelt-out elements of a schema"
+        default=500,
+        gt=0,
+        description="fields, constants and spelt-out elements; most of one schema. Higher: "
+        "larger files are read, with more memory and time",
     )
-    schema_depth: int = Field(default=32, gt=0, description="most types within each other")
+    schema_depth: int = Field(
+        default=32,
+        gt=0,
+        description="types within each other; most of one schema. Higher: larger files are "
+        "read, with more memory and time",
+    )
     message_parts: int = Field(
-        default=1_000_000, gt=0, description="most elements of the lists of a message"
+        default=1_000_000,
+        gt=0,
+        description="elements; most of the lists of one message. Higher: larger files are "
+        "read, with more memory and time",
     )
-    beams: int = Field(default=100_000, gt=0, description="most beams of a laser scan")
-    pixels: int = Field(default=16_000_000, gt=0, description="most pixels of an image")
-    frames: int = Field(default=10_000, gt=0, description="most TF frames")
-    frame_depth: int = Field(default=200, gt=0, description="longest chain of TF frames")
+    beams: int = Field(
+        default=100_000,
+        gt=0,
+        description="beams; most of one laser scan. Higher: larger files are read, with more "
+        "memory and time",
+    )
+    pixels: int = Field(
+        default=16_000_000,
+        gt=0,
+        description="pixels; most of one image. Higher: larger files are read, with more "
+        "memory and time",
+    )
+    frames: int = Field(
+        default=10_000,
+        gt=0,
+        description="TF frames; most of a recording. Higher: larger files are read, with more "
+        "memory and time",
+    )
+    frame_depth: int = Field(
+        default=200,
+        gt=0,
+        description="TF frames; longest chain of them. Higher: larger files are read, with "
+        "more memory and time",
+    )
     idle_seconds: float = Field(
-        default=300.0, gt=0, description="longest time without anything that is wanted, seconds"
+        default=300.0,
+        gt=0,
+        description="seconds of reading without anything that is wanted. Higher: slow disks "
+        "are waited for longer",
     )
 
     def over(self, name: str) -> str:

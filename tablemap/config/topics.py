@@ -13,20 +13,43 @@ from tablemap.config.section import Section
 class TopicsConfig(Section):
     """Which channel and frame plays which role; empty means: found by itself."""
 
-    depth: str = Field(default="", description="topic of the depth images")
-    calibration: str = Field(default="", description="topic of the depth camera's calibration")
-    colour: str = Field(default="", description="topic of the colour images")
-    laser: str = Field(default="", description="topic of the base's laser scans")
-    fixed_frame: str = Field(default="", description="TF frame that the model is to be in")
-    odom_frame: str = Field(default="", description="TF frame of the wheel odometry")
-    base_frame: str = Field(default="", description="TF frame of the robot's base")
+    depth: str = Field(
+        default="",
+        description="topic of the depth images; empty: found by itself",
+    )
+    calibration: str = Field(
+        default="",
+        description="topic of the depth camera's calibration; empty: found by itself",
+    )
+    colour: str = Field(
+        default="",
+        description="topic of the colour images; empty: found by itself",
+    )
+    laser: str = Field(
+        default="",
+        description="topic of the base's laser scans; empty: found by itself",
+    )
+    fixed_frame: str = Field(
+        default="",
+        description="TF frame that the model is to be in, as map; empty: found by itself",
+    )
+    odom_frame: str = Field(
+        default="",
+        description="TF frame of the wheel odometry; empty: found by itself",
+    )
+    base_frame: str = Field(
+        default="",
+        description="TF frame of the robot's base; empty: found by itself",
+    )
     start: str = Field(
         default="",
-        description="from when on to read: seconds from the begin (-: before the end), or a date",
+        description="seconds from the begin (-: before the end), or a date; reading starts "
+        "then; empty: at the begin",
     )
     end: str = Field(
         default="",
-        description="until when to read: seconds from the begin (-: before the end), or a date",
+        description="seconds from the begin (-: before the end), or a date; reading ends "
+        "then; empty: at the end",
     )
 
     @field_validator("start", "end", mode="before")

@@ -8,19 +8,33 @@ from pathlib import Path
 
 import pytest
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from tablemap.config import Config, dump_config, load_config
 from tablemap.config.loading import RENAMED
 from tablemap.errors import ConfigError
 
 
-def setting_names(section: type[BaseModel], prefix: str = "") -> Iterator[str]:
-    """Yield the dotted names of all settings."""
+def settings(section: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, FieldInfo]]:
+    """Yield all settings with their dotted names."""
     for name, field in section.model_fields.items():
         if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
-            yield from setting_names(field.annotation, f"{prefix}{name}.")
+            yield from settings(field.annotation, f"{prefix}{name}.")
         else:
-            yield prefix + name
+            yield prefix + name, field
+
+
+SETTINGS = dict(settings(Config))
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_a_setting_says_what_it_is_and_what_raising_it_does(name: str) -> None:
+    """Its unit comes first; a seed is neither high nor low."""
+    field = SETTINGS[name]
+    assert field.description
+    assert not field.description.endswith(".")
+    if name != "seed" and not isinstance(field.default, str):
+        assert ". Higher" in field.description
 
 
 def test_settings_override_the_file_which_overrides_defaults(tmp_path: Path) -> None:
@@ -84,7 +98,7 @@ def test_a_setting_that_became_a_constant_says_where() -> None:
 
 def test_no_setting_has_an_old_name() -> None:
     """Else it could not be set."""
-    assert set(setting_names(Config)).isdisjoint(RENAMED)
+    assert SETTINGS.keys().isdisjoint(RENAMED)
 
 
 @pytest.mark.parametrize("old", RENAMED)
@@ -95,7 +109,7 @@ def test_what_an_old_name_points_to_is_there(old: str) -> None:
         module = importlib.import_module(f"tablemap.{file.removesuffix('.py').replace('/', '.')}")
         assert hasattr(module, name)
     else:
-        assert file in set(setting_names(Config))
+        assert file in SETTINGS
 
 
 @pytest.mark.parametrize("text", ["seed = ", "[topics", "\xff"])
