@@ -17,10 +17,11 @@ from scipy.spatial.transform import Rotation
 
 from tablemap.geometry import Floats
 from tablemap.simulation import laser as scanner
-from tablemap.simulation.camera import View, map_from, recorded_mounting
+from tablemap.simulation.camera import map_from, recorded_mounting
 from tablemap.simulation.ros import Messages, Profile
 from tablemap.simulation.scene import Scene
 from tablemap.simulation.simulation import Simulation
+from tablemap.simulation.view import View
 
 CAMERA_FRAME = "head_rgbd_sensor_rgb_frame"
 LASER_FRAME = "base_range_sensor_link"

@@ -160,6 +160,7 @@ class Camera(Section):
     warming_sigma: float = Field(
         default=0.0, ge=0, description="share by which depth's scale drifts over the drive"
     )
+    baseline: float = Field(default=0.075, gt=0, description="from the camera to its second eye")
     width: int = Field(default=640, ge=32)
     height: int = Field(default=480, ge=24)
 

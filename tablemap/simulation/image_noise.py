@@ -1,0 +1,27 @@
+"""Noise that neighbouring pixels share."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import ndimage
+
+from tablemap.geometry import Floats
+from tablemap.simulation.lens import Lens
+
+
+def window_noise(lens: Lens, rng: np.random.Generator) -> Floats:
+    """Return (n, 2) of unit noise that neighbouring pixels share, as matching windows do."""
+    white = rng.standard_normal((2, lens.height, lens.width), dtype=np.float32)
+    smooth = ndimage.uniform_filter(white, size=(1, 3, 3), mode="wrap") * 3.0
+    return np.asarray(smooth.reshape(2, -1).T, dtype=np.float64)
+
+
+def blobs(lens: Lens, rng: np.random.Generator) -> Floats:
+    """Return a patchy (n,) field, uniform in 0 to 1, of patches about 40 pixels wide."""
+    rows, columns = max(lens.height // 8, 2), max(lens.width // 8, 2)
+    field = ndimage.gaussian_filter(rng.standard_normal((rows, columns)), 2.5, mode="wrap")
+    order = np.empty(field.size)
+    order[np.argsort(field, axis=None)] = (np.arange(field.size) + 0.5) / field.size
+    v = lens.pixels[:, 1] / lens.height * (rows - 1)
+    u = lens.pixels[:, 0] / lens.width * (columns - 1)
+    return np.asarray(ndimage.map_coordinates(order.reshape(field.shape), [v, u], order=1))
