@@ -6,6 +6,7 @@ import math
 from xml.sax.saxutils import escape
 
 from tablemap.errors import TablemapError
+from tablemap.files import write_whole
 from tablemap.model import TableLeg, TableModel
 from tablemap.model.shapes import shape_named
 from tablemap.paths import AnyPath, as_path
@@ -24,8 +25,7 @@ def write_drawing(file: AnyPath, a: TableModel, b: TableModel, *, names: tuple[s
     """
     file = as_path(file)
     try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(draw_both(a, b, names=names), encoding="utf-8")
+        write_whole(file, draw_both(a, b, names=names))
     except OSError as error:
         raise TablemapError(f"the drawing cannot be written ({error.strerror}): {file}") from error
 

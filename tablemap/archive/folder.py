@@ -6,7 +6,6 @@ Every file is written under a temporary name and renamed, so that what bears its
 from __future__ import annotations
 
 import hashlib
-import os
 import platform
 import secrets
 from datetime import UTC, datetime
@@ -19,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from tablemap.config import Config, load_config
 from tablemap.errors import TablemapError
+from tablemap.files import write_whole
 from tablemap.model import TableModel
 from tablemap.paths import AnyPath, as_path
 
@@ -166,16 +166,9 @@ class RunFolder:
     def write(self, name: str, text: str) -> Path:
         """Write a text file of the run, whole or not at all."""
         file = self.path / name
-        temporary = file.with_name(f".{file.name}.part")
         try:
-            file.parent.mkdir(parents=True, exist_ok=True)
-            with temporary.open("w", encoding="utf-8", newline="\n") as stream:
-                stream.write(text)
-                stream.flush()
-                os.fsync(stream.fileno())
-            temporary.replace(file)
+            write_whole(file, text)
         except OSError as error:
-            temporary.unlink(missing_ok=True)
             raise TablemapError(
                 f"a result cannot be written ({error.strerror}); free some space or choose another "
                 f"--output: {file}"

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 from tablemap.archive.folder import load_run
 from tablemap.errors import TablemapError
+from tablemap.files import write_whole
 from tablemap.model import TableModel
 from tablemap.model.shapes import shape_named
 from tablemap.paths import AnyPath, as_path
@@ -195,10 +196,6 @@ def _save(file: Path, rows: dict[str, tuple[Stamp, RunRow]]) -> None:
         words = row[3:-1]  # path says recording and run
         lines.append((*stamp, row.path, *words, known, list(row.figures.values())))
     document = {"schema": SCHEMA, "names": list(names), "runs": lines}
-    temporary = file.with_name(f"{file.name}.{os.getpid()}.part")
-    try:
-        temporary.write_text(json.dumps(document, separators=(",", ":")), encoding="utf-8")
-        temporary.replace(file)
-    except OSError:  # a folder that may only be read is listed all the same
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
+    # A folder that may only be read is listed all the same.
+    with contextlib.suppress(OSError):
+        write_whole(file, json.dumps(document, separators=(",", ":")))

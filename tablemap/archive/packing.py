@@ -7,7 +7,7 @@ import secrets
 import shutil
 import tarfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
@@ -16,6 +16,7 @@ import zstandard
 from tablemap.archive.folder import LEAVE_A_MODEL, RunFolder, load_run
 from tablemap.archive.verification import INPUT, check_files, find_input
 from tablemap.errors import TablemapError
+from tablemap.files import whole_file
 from tablemap.paths import AnyPath, as_path
 
 SUFFIX = ".tar.zst"
@@ -49,9 +50,8 @@ def pack(run: AnyPath, target: AnyPath | None = None, *, with_input: bool = Fals
     if with_input:
         recording = find_input(run)
         files[f"{INPUT}/{Path(run.manifest.recording.path).name}"] = recording
-    part = target.with_name(f".{target.name}.part")
     try:
-        with part.open("wb") as stream:
+        with whole_file(target) as part, part.open("wb") as stream:
             compressor = zstandard.ZstdCompressor(LEVEL, write_checksum=True)
             with (
                 compressor.stream_writer(stream, closefd=False) as packed,
@@ -59,14 +59,8 @@ def pack(run: AnyPath, target: AnyPath | None = None, *, with_input: bool = Fals
             ):
                 for name in sorted(files, key=lambda name: (name == MANIFEST, name)):
                     _add(tar, files[name], str(root / name))
-            stream.flush()
-            os.fsync(stream.fileno())
-        part.replace(target)
     except OSError as error:
         raise TablemapError(f"the run cannot be packed ({error.strerror}): {target}") from error
-    finally:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
     return target
 
 

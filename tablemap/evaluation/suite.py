@@ -21,6 +21,7 @@ from tablemap.evaluation.aggregate import RunScore, summarise
 from tablemap.evaluation.metrics import score
 from tablemap.evaluation.truth import Truth
 from tablemap.events import StageFinished
+from tablemap.files import write_whole
 from tablemap.paths import AnyPath
 from tablemap.version import __version__
 
@@ -222,10 +223,8 @@ def _file(store: Path, case: Case, method: str) -> Path:
 
 
 def _save(file: Path, key: str, run: RunScore) -> None:
-    temporary = file.with_suffix(".part")
     document = {"key": key, "run": _RUN_SCORE.dump_python(run, mode="json")}
-    temporary.write_text(json.dumps(document, indent=1), encoding="utf-8")
-    temporary.replace(file)
+    write_whole(file, json.dumps(document, indent=1))
 
 
 def _load(file: Path, key: str) -> RunScore | None:
@@ -264,6 +263,4 @@ def save(evaluation: Evaluation, output: Path) -> None:
         "errors.svg": error_svg(evaluation.runs),
     }
     for name, text in texts.items():
-        temporary = output / f".{name}.part"
-        temporary.write_text(text, encoding="utf-8")
-        temporary.replace(output / name)
+        write_whole(output / name, text)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 
 from tablemap.errors import TablemapError
+from tablemap.files import whole_files
 
 
 def write_files(folder: Path, files: Mapping[str, bytes]) -> tuple[Path, ...]:
@@ -15,24 +15,14 @@ def write_files(folder: Path, files: Mapping[str, bytes]) -> tuple[Path, ...]:
     All are written under temporary names first, so that a full disk leaves the earlier ones.
     Raises `TablemapError` where one cannot be written.
     """
-    targets = {folder / name: content for name, content in files.items()}
-    temporaries = {target: target.with_name(f".{target.name}.part") for target in targets}
+    targets = tuple(folder / name for name in files)
     try:
-        for target, content in targets.items():
-            target.parent.mkdir(parents=True, exist_ok=True)
-            with temporaries[target].open("wb") as stream:
-                stream.write(content)
-                stream.flush()
-                os.fsync(stream.fileno())
-        for target, temporary in temporaries.items():
-            temporary.replace(target)
+        with whole_files(targets) as parts:
+            for part, content in zip(parts, files.values(), strict=True):
+                part.write_bytes(content)
     except OSError as error:
         raise TablemapError(
             f"an export cannot be written ({error.strerror}); free some space or choose another "
             f"--output: {error.filename or folder}"
         ) from error
-    finally:
-        for temporary in temporaries.values():
-            if temporary.parent.is_dir():
-                temporary.unlink(missing_ok=True)
-    return tuple(targets)
+    return targets

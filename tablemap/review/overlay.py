@@ -6,6 +6,7 @@ from pathlib import Path
 
 from tablemap.config import ReviewConfig
 from tablemap.events import OtherTable
+from tablemap.files import whole_file
 from tablemap.model import TableModel
 from tablemap.review.blueprint import blueprint
 from tablemap.review.solid import log_model
@@ -20,14 +21,10 @@ def write_overlay(
 
     Raises `TablemapError` where it cannot be written.
     """
-    part = file.with_name(f".{file.name}.part")
-    try:
+    with whole_file(file) as part:
         stream = Stream(part, run_id=name, recording_name=name, config=ReviewConfig())
         log_model(stream, a)
         Tables().log_outcome(stream, OtherTable(1, b))
         stream.text("compared", f"**solid:** {names[0]}\n\n**muted:** {names[1]}")
         stream.rec.send_blueprint(blueprint(stream.scene))
         stream.close()
-        part.replace(file)
-    finally:
-        part.unlink(missing_ok=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
+from tablemap.files import whole_files
 from tablemap.geometry import Floats
 from tablemap.simulation import laser as scanner
 from tablemap.simulation.camera import map_from, recorded_mounting
@@ -53,18 +53,10 @@ def write(simulation: Simulation, path: Path, *, profile: Profile = "ros1") -> N
     Images are made one at a time; a simulation gives the same bytes each time.
     """
     truth_path = path.with_name(f"{path.stem}.truth.json")
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.part")
-    unfinished_truth = truth_path.with_name(f".{truth_path.name}.{os.getpid()}.part")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    try:
+    with whole_files([truth_path, path]) as (unfinished_truth, unfinished):
         _write_mcap(simulation, unfinished, profile)
         truth = json.dumps(simulation.truth(), indent=1, allow_nan=False)
         unfinished_truth.write_text(truth + "\n", encoding="utf-8")
-        unfinished_truth.replace(truth_path)
-        unfinished.replace(path)
-    finally:
-        unfinished.unlink(missing_ok=True)
-        unfinished_truth.unlink(missing_ok=True)
 
 
 def _write_mcap(simulation: Simulation, path: Path, profile: Profile) -> None:

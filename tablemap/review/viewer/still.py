@@ -18,6 +18,7 @@ import PIL.Image
 from rerun.experimental import ViewerClient
 
 from tablemap.errors import ExternalToolError, TablemapError
+from tablemap.files import write_whole
 from tablemap.paths import AnyPath, as_path
 from tablemap.review.viewer.viewer import (
     LOOPBACK,
@@ -63,7 +64,7 @@ def still(
                 break
             previous = digest
             time.sleep(0.4)
-        as_path(out).write_bytes(_smaller(picture))
+        write_whole(as_path(out), _smaller(picture))
         views = client.get_state().views
     return [f"{view.name}: {report.summary}" for view in views for report in view.reports]
 
