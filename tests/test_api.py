@@ -14,6 +14,7 @@ import tablemap
 from tablemap.archive.packing import pack, unpack
 from tablemap.archive.pruning import prune
 from tablemap.errors import ConfigError, TablemapError
+from tablemap.inputs import Input
 from tablemap.paths import AnyPath
 from tablemap.runs import expand
 from tests.making.messages import write_drive
@@ -107,7 +108,7 @@ def test_every_path_may_be_text_or_stand_for_one(kind: str, runs: Path, tmp_path
     assert unpack(given(packed), given(tmp_path / "back")).path.is_dir()
     prune(given(runs), tablemap.list_runs(given(runs)))
     assert list(runs.glob("lap/*")) == []
-    assert expand([recording, given(tmp_path / "*.mcap")]) == [tmp_path / "lap.mcap"]
+    assert expand([recording, given(tmp_path / "*.mcap")]) == [Input.of(tmp_path / "lap.mcap")]
 
 
 def test_a_run_that_is_open_is_taken_wherever_its_path_is(runs: Path, tmp_path: Path) -> None:

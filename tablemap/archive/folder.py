@@ -19,6 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from tablemap.config import Config, load_config
 from tablemap.errors import TablemapError
 from tablemap.files import write_whole
+from tablemap.inputs import AnyInput, Input, sha256
 from tablemap.model import TableModel
 from tablemap.paths import AnyPath, as_path
 
@@ -47,11 +48,20 @@ LEAVE_A_MODEL: tuple[Status, ...] = ("ok", "partial")
 
 
 class RecordingEntry(BaseModel):
-    """The input: ``sha256`` is null until it was read to its end, or where it is no local file."""
+    """The input: ``sha256`` is null until it was read to its end, or where it is no local file.
+
+    ``together`` are the further places of a drive that has several; size and hash are those of all.
+    """
 
     path: str
     size: int | None
     sha256: str | None
+    together: tuple[str, ...] = ()
+
+    @property
+    def input(self) -> Input:
+        """All places, as they were when it was read."""
+        return Input((self.path, *self.together))
 
 
 class Manifest(BaseModel):
@@ -98,7 +108,7 @@ class RunFolder:
     @staticmethod
     def create(
         output: Path,
-        recording: Path,
+        recording: AnyInput,
         *,
         method: str,
         tables: Literal["best", "all"] | tuple[float, float],
@@ -107,6 +117,7 @@ class RunFolder:
         """Make a new folder that no other run has, its manifest saying ``running``."""
         now = datetime.now(UTC)
         run_id = f"{now:%Y%m%dT%H%M%S}-{secrets.token_hex(4)}"
+        recording = Input.of(recording)
         path = output / recording.stem / run_id
         try:
             path.mkdir(parents=True)
@@ -114,10 +125,11 @@ class RunFolder:
             raise TablemapError(
                 f"the run folder cannot be made ({error.strerror}); choose another --output: {path}"
             ) from error
+        first, *others = recording.resolved().places
         manifest = Manifest(
             run_id=run_id,
             recording=RecordingEntry(
-                path=str(recording.resolve()), size=recording.stat().st_size, sha256=None
+                path=first, size=recording.size(), sha256=None, together=tuple(others)
             ),
             method=method,
             tables=tables,
@@ -154,8 +166,6 @@ class RunFolder:
 
     def hashes(self) -> dict[str, str]:
         """Return the SHA-256 of each file that the run itself wrote, but for the manifest."""
-        from tablemap.recording import sha256
-
         found = {}
         for file in sorted(self.path.rglob("*")):
             name = file.relative_to(self.path).as_posix()

@@ -17,6 +17,7 @@ from tablemap.archive.folder import LEAVE_A_MODEL, RunFolder, load_run
 from tablemap.archive.verification import INPUT, check_files, find_input
 from tablemap.errors import TablemapError
 from tablemap.files import whole_file
+from tablemap.inputs import files_in
 from tablemap.paths import AnyPath, as_path
 
 SUFFIX = ".tar.zst"
@@ -48,8 +49,11 @@ def pack(run: AnyPath, target: AnyPath | None = None, *, with_input: bool = Fals
     }
     files = {name: file for name, file in files.items() if not name.startswith(f"{INPUT}/")}
     if with_input:
-        recording = find_input(run)
-        files[f"{INPUT}/{Path(run.manifest.recording.path).name}"] = recording
+        for place in find_input(run).paths:
+            if place.is_dir():
+                files |= {f"{INPUT}/{place.name}/{each.name}": each for each in files_in(place)}
+            else:
+                files[f"{INPUT}/{place.name}"] = place
     try:
         with whole_file(target) as part, part.open("wb") as stream:
             compressor = zstandard.ZstdCompressor(LEVEL, write_checksum=True)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 from tablemap.archive.folder import RunFolder
 from tablemap.errors import RecordingError
+from tablemap.inputs import Input
 
 INPUT = "input"
 """Folder of a run that holds its recording, where one was packed with it."""
@@ -47,30 +47,28 @@ def check_files(run: RunFolder) -> list[Check]:
     return checks
 
 
-def input_path(run: RunFolder) -> Path:
+def recorded_input(run: RunFolder) -> Input:
     """Return where a run's recording should be: packed with it, or where it was read."""
-    path = Path(run.manifest.recording.path)
-    packed = run.path / INPUT / path.name
-    return packed if packed.is_file() else path
+    read = run.manifest.recording.input
+    packed = Input(tuple(str(run.path / INPUT / path.name) for path in read.paths))
+    return packed if packed.exists() else read
 
 
-def find_input(run: RunFolder) -> Path:
+def find_input(run: RunFolder) -> Input:
     """Return the recording of a run.
 
     Raises `RecordingError` where it is gone, or where size or SHA-256 are not the manifest's.
     """
-    from tablemap.recording import sha256
-
-    entry, file = run.manifest.recording, input_path(run)
-    if not file.is_file():
-        raise RecordingError(f"the run's recording is gone; put it back at {file}")
-    size = file.stat().st_size
+    entry, found = run.manifest.recording, recorded_input(run)
+    if not found.exists():
+        raise RecordingError(f"the run's recording is gone; put it back at {found}")
+    size = found.size()
     if entry.size is not None and size != entry.size:
         raise RecordingError(
-            f"the recording is not the run's: expected {entry.size} bytes, found {size}: {file}"
+            f"the recording is not the run's: expected {entry.size} bytes, found {size}: {found}"
         )
-    if entry.sha256 is not None and sha256(file) != entry.sha256:
+    if entry.sha256 is not None and found.sha256() != entry.sha256:
         raise RecordingError(
-            f"the recording is not the run's: its SHA-256 is not the manifest's: {file}"
+            f"the recording is not the run's: its SHA-256 is not the manifest's: {found}"
         )
-    return file
+    return found

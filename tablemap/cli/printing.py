@@ -20,11 +20,13 @@ def stderr_console() -> Console:
     return Console(stderr=True, highlight=False)
 
 
-def outcome_line(outcome: Outcome) -> dict[str, str | None]:
+def outcome_line(outcome: Outcome) -> dict[str, object]:
     """Return the contract's JSON line of one recording."""
     run = outcome.run
+    first, *others = outcome.recording.places
     return {
-        "recording": str(outcome.recording),
+        "recording": first,
+        **({"together": others} if others else {}),
         "run": str(run.path) if run else None,
         "status": outcome.status,
         "error": outcome.error,

@@ -18,6 +18,7 @@ from tablemap.errors import TablemapError
 if TYPE_CHECKING:
     from tablemap.config import Config
     from tablemap.events import StageStarted
+    from tablemap.inputs import Input
     from tablemap.pipeline import Tables
     from tablemap.runs.jobs import Job, Progress
     from tablemap.runs.running import Follow, Outcome
@@ -35,6 +36,9 @@ def process(
     settings: Settings = None,
     start: Start = None,
     end: End = None,
+    together: Annotated[
+        bool, typer.Option("--together", help="The RECORDINGs are files of one drive.")
+    ] = False,
     near: Annotated[
         tuple[float, float] | None,
         typer.Option("--near", help="The table nearest to this place in the map.", metavar="X Y"),
@@ -94,7 +98,7 @@ def process(
         check_formats(formats)
     outcomes = []
     exported = True
-    paths = expand([str(path) for path in recordings])
+    paths = expand(recordings, together=together)
     job = Job(output, resolved, method, tables, follow=_follow(live=live))
     many = _many(scheduler, jobs)
     for outcome in _outcomes(paths, job, many, again=again, quiet=quiet):
@@ -144,7 +148,7 @@ def _export_processed(run: Path, formats: list[str], config: Config, *, quiet: b
     return True
 
 
-Many = Callable[[list[Path], "Job", "Progress"], Iterator["Outcome"]]
+Many = Callable[[list["Input"], "Job", "Progress"], Iterator["Outcome"]]
 
 
 def _many(scheduler: str | None, jobs: int) -> Many | None:
@@ -165,7 +169,7 @@ def _many(scheduler: str | None, jobs: int) -> Many | None:
 
 
 def _outcomes(
-    recordings: list[Path], job: Job, many: Many | None, *, again: bool, quiet: bool
+    recordings: list[Input], job: Job, many: Many | None, *, again: bool, quiet: bool
 ) -> Iterator[Outcome]:
     """Take what is done already from its run; process the rest."""
     from tablemap.runs import done_already
@@ -189,7 +193,7 @@ def _outcomes(
         yield process_one(recording, partial(job, recording), quiet=quiet)
 
 
-def _at_once(recordings: list[Path], job: Job, many: Many, *, quiet: bool) -> Iterator[Outcome]:
+def _at_once(recordings: list[Input], job: Job, many: Many, *, quiet: bool) -> Iterator[Outcome]:
     """Process with a bar on stderr that counts the recordings and names what goes on."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -201,7 +205,7 @@ def _at_once(recordings: list[Path], job: Job, many: Many, *, quiet: bool) -> It
     ) as bar:
         task = bar.add_task("", total=len(recordings))
 
-        def progress(path: Path, stage: StageStarted) -> None:
+        def progress(path: Input, stage: StageStarted) -> None:
             bar.update(task, description=f"{path.name} {stage.name}")
 
         for outcome in many(recordings, job, progress):
@@ -210,7 +214,7 @@ def _at_once(recordings: list[Path], job: Job, many: Many, *, quiet: bool) -> It
 
 
 def process_one(
-    path: Path, process_to: Callable[[Callable[[object], None]], Outcome], *, quiet: bool
+    path: Input, process_to: Callable[[Callable[[object], None]], Outcome], *, quiet: bool
 ) -> Outcome:
     """Run what is given with a progress bar that names the stage."""
     from tablemap.events import StageStarted, ignore

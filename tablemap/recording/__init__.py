@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from tablemap.inputs import sha256
 from tablemap.recording.info import RecordingInfo, inspect
 from tablemap.recording.messages import (
     CameraInfo,
@@ -11,7 +12,6 @@ from tablemap.recording.messages import (
     TransformStamped,
 )
 from tablemap.recording.reader import DepthFrame, Recording, open_recording
-from tablemap.recording.sources import sha256
 from tablemap.recording.tf.frame_roles import FrameNames
 
 __all__ = [

@@ -11,7 +11,7 @@ import numpy as np
 
 from tablemap.config import LimitsConfig, TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
-from tablemap.paths import AnyPath, as_path
+from tablemap.inputs import AnyInput, Input
 from tablemap.recording.decoding import Decoder, DecodingError, Message
 from tablemap.recording.depth import decode_depth, depth_encoding
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
@@ -111,16 +111,17 @@ class RecordingInfo:
 
 
 def inspect(
-    path: AnyPath, *, topics: TopicsConfig | None = None, limits: LimitsConfig | None = None
+    recording: AnyInput, *, topics: TopicsConfig | None = None, limits: LimitsConfig | None = None
 ) -> RecordingInfo:
     """Tell what an MCAP holds, without reading more of it than that takes.
 
     ``topics`` names topics and frames that are to be taken; roles are found where it does not.
     Raises `RecordingError` where the file is no MCAP, or has not the topics that were asked for.
     """
+    given = Input.of(recording)
     config, limits = topics or TopicsConfig(), limits or LimitsConfig()
     warnings: list[ProcessWarning] = []
-    with closing(open_source(path, warnings=warnings, limits=limits)) as whole:
+    with closing(open_source(given, warnings=warnings, limits=limits)) as whole:
         source = windowed(whole, config.start, config.end)
         known = list_topics(source, limits)
         names = sorted({channel.topic for channel in source.channels.values()})
@@ -136,8 +137,8 @@ def inspect(
                 if frame_roles is not None:
                     choices += conflicts(tree, frame_roles)
     return RecordingInfo(
-        path=str(as_path(path)),
-        size_bytes=as_path(path).stat().st_size,
+        path=str(given),
+        size_bytes=given.size(),
         profile=source.profile,
         library=source.library,
         start_ns=source.start_ns,

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from tablemap.config import LimitsConfig, TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.geometry import Floats, invert
-from tablemap.paths import AnyPath, as_path
+from tablemap.inputs import AnyInput, Input
 from tablemap.recording.channels import Channels, Stamped, Stamps, only
 from tablemap.recording.decoding import DecodingError
 from tablemap.recording.depth import decode_depth
@@ -61,7 +61,7 @@ class Recording:
     appended to ``warnings`` as it is met. Close it, or use it as a context manager.
     """
 
-    path: Path
+    input: Input
     names: FrameNames
     start_ns: int
     end_ns: int
@@ -69,14 +69,14 @@ class Recording:
 
     def __init__(
         self,
-        path: Path,
+        input: Input,
         source: Source,
         *,
         topics: TopicsConfig,
         limits: LimitsConfig,
         warnings: list[ProcessWarning],
     ) -> None:
-        self.path = path
+        self.input = input
         self.source = source
         self.warnings = warnings
         self._said: set[str] = set()
@@ -91,6 +91,11 @@ class Recording:
         self.names = self._find_frames(topics)
         self._pose_stamps = pose_stamps(self.tree, self.names.fixed, self._carrier)
         self.start_ns, self.end_ns = self._span()
+
+    @property
+    def path(self) -> Path:
+        """Where it is; the first place of several."""
+        return self.input.path
 
     # What is in it.
 
@@ -326,20 +331,22 @@ class Recording:
 
 
 def open_recording(
-    path: AnyPath, *, topics: TopicsConfig | None = None, limits: LimitsConfig | None = None
+    recording: AnyInput, *, topics: TopicsConfig | None = None, limits: LimitsConfig | None = None
 ) -> Recording:
     """Open a recording, find its topics by role, and read its TF tree.
 
+    ``recording`` is a file or a folder, or several of one drive that are read together.
     ``topics`` names topics and frames that are to be taken; roles are found where it does not.
     Close what is returned, or use it as a context manager. Raises `RecordingError` where the file
     is no MCAP, or lacks depth, its calibration or a pose.
     """
     warnings: list[ProcessWarning] = []
+    given = Input.of(recording)
     config, limits = topics or TopicsConfig(), limits or LimitsConfig()
-    source = open_source(path, warnings=warnings, limits=limits)
+    source = open_source(given, warnings=warnings, limits=limits)
     try:
         part = windowed(source, config.start, config.end)
-        return Recording(as_path(path), part, topics=config, limits=limits, warnings=warnings)
+        return Recording(given, part, topics=config, limits=limits, warnings=warnings)
     except BaseException:
         source.close()
         raise

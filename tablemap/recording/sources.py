@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
 from contextlib import ExitStack, closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from tablemap.config import LimitsConfig
 from tablemap.errors import ProcessWarning, RecordingError
-from tablemap.paths import AnyPath, as_path
+from tablemap.inputs import AnyInput, Input
 from tablemap.recording.bags.bag import Bag
-from tablemap.recording.bags.folder import METADATA, files_of
+from tablemap.recording.bags.folder import files_of
 from tablemap.recording.mcap.container import Container
 from tablemap.recording.mcap.index import MAGIC
 from tablemap.recording.packing import ZSTD_MAGIC, unpack_file
@@ -28,16 +27,24 @@ _OTHER_FORMATS = {
 
 
 def open_source(
-    path: AnyPath, *, warnings: list[ProcessWarning], limits: LimitsConfig | None = None
+    given: AnyInput, *, warnings: list[ProcessWarning], limits: LimitsConfig | None = None
 ) -> Source:
     """Open what holds a recording's messages; what is lost of it is appended to ``warnings``.
 
-    That is an MCAP, a bag of ROS 1, a database or a folder of rosbag2; each may be packed with
-    zstd. Raises `RecordingError` where it is none that can be read.
+    Raises `RecordingError` where it is nothing that can be read.
     """
-    path, limits = as_path(path), limits or LimitsConfig()
-    if path.name == METADATA:
-        path = path.parent
+    limits = limits or LimitsConfig()
+    with ExitStack() as opened:
+        sources = [
+            opened.enter_context(closing(_open_place(path, warnings, limits)))
+            for path in Input.of(given).paths
+        ]
+        opened.pop_all()
+    return sources[0] if len(sources) == 1 else Several(sources)
+
+
+def _open_place(path: Path, warnings: list[ProcessWarning], limits: LimitsConfig) -> Source:
+    """Open an MCAP, a bag of ROS 1, a database or a folder of rosbag2; each may be packed."""
     if path.is_dir():
         return _open_folder(path, warnings, limits)
     start = _first_bytes(path)
@@ -50,8 +57,7 @@ def open_source(
     if start.startswith(ZSTD_MAGIC):
         # What is open stays readable when its folder is gone.
         with TemporaryDirectory(prefix="tablemap-") as folder:
-            unpacked = unpack_file(path, Path(folder), limits)
-            return open_source(unpacked, warnings=warnings, limits=limits)
+            return _open_place(unpack_file(path, Path(folder), limits), warnings, limits)
     expected = "Expected a recording (an MCAP or a bag) and found"
     if not start:
         raise RecordingError(f"{expected} an empty one: {path}")
@@ -69,7 +75,7 @@ def _open_folder(folder: Path, warnings: list[ProcessWarning], limits: LimitsCon
     with ExitStack() as opened:
         for file in files_of(folder, warnings=warnings):
             try:
-                source = open_source(file, warnings=warnings, limits=limits)
+                source = _open_place(file, warnings, limits)
                 sources.append(opened.enter_context(closing(source)))
             except RecordingError as error:
                 errors.append(error)
@@ -106,13 +112,3 @@ def _first_bytes(path: Path) -> bytes:
 def _is_text(start: bytes) -> bool:
     # A multi-byte letter may be cut at the end of what was read.
     return b"\0" not in start and "�" not in start.decode(errors="replace")[:-1]
-
-
-def sha256(path: AnyPath) -> str:
-    """Return a file's SHA-256, read in pieces. Raises `RecordingError` where it cannot be read."""
-    try:
-        with as_path(path).open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        reason = error.strerror or error
-        raise RecordingError(f"the file cannot be read ({reason}): {path}") from error

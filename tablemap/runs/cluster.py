@@ -14,12 +14,12 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tablemap.archive.folder import versions
 from tablemap.errors import ExternalToolError
 from tablemap.events import StageStarted
+from tablemap.inputs import AnyInput, Input
 from tablemap.runs.jobs import TRIES, Job, Progress, mark_lost, runs_of
 from tablemap.runs.running import Outcome
 
@@ -40,7 +40,7 @@ class _Task:
     """A recording for a worker: the runs that it had before, and the batch that it is of."""
 
     number: int
-    recording: Path
+    recording: Input
     job: Job
     known: frozenset[str]
     batch: str
@@ -48,7 +48,7 @@ class _Task:
 
 
 def process_on_cluster(
-    recordings: Sequence[Path],
+    recordings: Sequence[AnyInput],
     job: Job,
     progress: Progress,
     *,
@@ -64,7 +64,9 @@ def process_on_cluster(
     """
     with _connected(address) as client:
         _check_workers(client, address, warn)
-        yield from _Batch(client, address, recordings, job, progress).outcomes()
+        yield from _Batch(
+            client, address, list(map(Input.of, recordings)), job, progress
+        ).outcomes()
 
 
 class _Batch:
@@ -74,7 +76,7 @@ class _Batch:
         self,
         client: Client,
         address: str,
-        recordings: Sequence[Path],
+        recordings: Sequence[Input],
         job: Job,
         progress: Progress,
     ) -> None:
@@ -90,7 +92,7 @@ class _Batch:
         self._waiting: dict[Future[Outcome], _Task] = {}
         for number, recording in enumerate(recordings):
             known = frozenset(run.manifest.run_id for run in runs_of(recording, job.output))
-            task = _Task(number, recording.absolute(), job, known, batch, _source(versions()))
+            task = _Task(number, recording.resolved(), job, known, batch, _source(versions()))
             future = client.submit(_process, task, key=f"{batch}-{number}", pure=False)
             self._waiting[future] = task
         for future in list(self._waiting):

@@ -13,6 +13,7 @@ from tablemap.archive.folder import LEAVE_A_MODEL, RunFolder, load_run, versions
 from tablemap.config import Config, dump_config
 from tablemap.errors import ConfigError, TablemapError
 from tablemap.events import StageStarted
+from tablemap.inputs import AnyInput, Input
 from tablemap.paths import AnyPath, as_path
 from tablemap.runs.running import Follow, Method, Outcome, run
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 TRIES = 2
 """How often a recording is begun whose workers die."""
 
-Progress = Callable[[Path, StageStarted], None]
+Progress = Callable[[Input, StageStarted], None]
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class Job:
     tables: Tables = "best"
     follow: Follow = nullcontext
 
-    def __call__(self, recording: Path, progress: Callable[[object], None]) -> Outcome:
+    def __call__(self, recording: AnyInput, progress: Callable[[object], None]) -> Outcome:
         """Process one recording."""
         return run(
             recording,
@@ -48,11 +49,12 @@ class Job:
         )
 
 
-def expand(arguments: Sequence[AnyPath]) -> list[Path]:
+def expand(arguments: Sequence[AnyPath], *, together: bool = False) -> list[Input]:
     """Return the recordings that are named: paths, globs and ``@list.txt``, each once.
 
     A list has a path or glob a line, relative to where one works; blank lines and those that begin
     with ``#`` count for nothing. A glob that matches nothing stands for itself, as in a shell.
+    With ``together`` all of them are of one drive.
     Raises `ConfigError` where a list cannot be read.
     """
     names: list[str] = []
@@ -72,17 +74,16 @@ def expand(arguments: Sequence[AnyPath]) -> list[Path]:
     for name in names:
         matches = [] if Path(name).exists() else sorted(_glob(name))
         paths.update(dict.fromkeys(map(Path, matches or [name])))
-    return list(paths)
+    return [Input.of(list(paths))] if together else [Input.of(path) for path in paths]
 
 
-def done_already(recording: Path, job: Job) -> RunFolder | None:
+def done_already(recording: AnyInput, job: Job) -> RunFolder | None:
     """Return the newest run that left a model of the same bytes by the same config and versions.
 
     The recording is read (for its SHA-256) only where all the rest is the same.
     """
-    from tablemap.recording import sha256
-
-    if not recording.is_file():
+    recording = Input.of(recording)
+    if not recording.exists():
         return None
     digest = None
     for held in runs_of(recording, job.output):
@@ -91,21 +92,21 @@ def done_already(recording: Path, job: Job) -> RunFolder | None:
             manifest.status not in LEAVE_A_MODEL
             or (manifest.method, manifest.tables) != (job.method, job.tables)
             or _comparable(manifest.versions) != _comparable(versions())
-            or manifest.recording.size != recording.stat().st_size
+            or manifest.recording.size != recording.size()
             or not (held.path / "table.json").is_file()
             or not _has_text(held.path / "config.toml", dump_config(job.config))
         ):
             continue
-        digest = digest or sha256(recording)
+        digest = digest or recording.sha256()
         if manifest.recording.sha256 == digest:
             return held
     return None
 
 
-def runs_of(recording: Path, output: Path) -> list[RunFolder]:
+def runs_of(recording: AnyInput, output: Path) -> list[RunFolder]:
     """Return the runs of recordings of that name, newest first."""
     found = []
-    for path in sorted((output / recording.stem).glob("*/manifest.json"), reverse=True):
+    for path in sorted((output / Input.of(recording).stem).glob("*/manifest.json"), reverse=True):
         if not path.parent.is_symlink():
             with suppress(TablemapError):  # what cannot be read cannot be what is sought
                 found.append(load_run(path.parent))
@@ -113,7 +114,7 @@ def runs_of(recording: Path, output: Path) -> list[RunFolder]:
 
 
 def mark_lost(
-    recording: Path, output: Path, error: str, *, known: Collection[str]
+    recording: Input, output: Path, error: str, *, known: Collection[str]
 ) -> list[RunFolder]:
     """Let the runs that dead workers have left behind say so, and return them, newest first.
 
@@ -122,7 +123,7 @@ def mark_lost(
     lost = []
     for left in runs_of(recording, output):
         manifest = left.manifest
-        if manifest.run_id in known or manifest.recording.path != str(recording.resolve()):
+        if manifest.run_id in known or manifest.recording.input != recording.resolved():
             continue
         if manifest.status == "running":
             with suppress(TablemapError):

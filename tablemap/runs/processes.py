@@ -17,10 +17,10 @@ from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from pathlib import Path
 from types import FrameType
 
 from tablemap.events import StageStarted
+from tablemap.inputs import AnyInput, Input
 from tablemap.runs.jobs import TRIES, Job, Progress, mark_lost, runs_of
 from tablemap.runs.running import Outcome
 
@@ -29,7 +29,7 @@ SINGLE_THREADED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
 
 def process_many(
-    recordings: Sequence[Path], job: Job, progress: Progress, *, jobs: int
+    recordings: Sequence[AnyInput], job: Job, progress: Progress, *, jobs: int
 ) -> Iterator[Outcome]:
     """Process recordings over at most ``jobs`` processes; yield each outcome as it comes.
 
@@ -40,7 +40,7 @@ def process_many(
         os.environ.setdefault(name, "1")
     waiting = deque(
         _Task(recording, known=frozenset(r.manifest.run_id for r in runs_of(recording, job.output)))
-        for recording in recordings
+        for recording in map(Input.of, recordings)
     )
     workers = [_Worker(job) for _ in range(min(jobs, len(waiting)))]
     try:
@@ -82,7 +82,7 @@ def process_many(
 class _Task:
     """A recording, the runs that it had before, and how often it was begun."""
 
-    recording: Path
+    recording: Input
     known: frozenset[str]
     tries: int = 0
 
@@ -103,7 +103,7 @@ class _Worker:
         return [self._pipe, self._process.sentinel]
 
     @property
-    def recording(self) -> Path:
+    def recording(self) -> Input:
         if self.task is None:
             raise RuntimeError("the worker has no recording")
         return self.task.recording
@@ -171,8 +171,8 @@ def _work(pipe: Connection[object, object], job: Job) -> None:
     with suppress(KeyboardInterrupt, EOFError, OSError):
         while True:
             recording = pipe.recv()
-            if not isinstance(recording, Path):
-                raise TypeError(f"expected a path, found {recording!r}")
+            if not isinstance(recording, Input):
+                raise TypeError(f"expected a recording, found {recording!r}")
             try:
                 outcome = job(recording, progress)
             except Exception as error:  # a defect met by one recording must not stop the others

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import stat
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext, suppress
@@ -13,8 +12,9 @@ from typing import TYPE_CHECKING, Literal, get_args
 from tablemap.archive.folder import RunFolder, load_run, trajectory_tum
 from tablemap.archive.verification import find_input
 from tablemap.config import Config, dump_config, load_config
-from tablemap.errors import ConfigError, RecordingError, TablemapError
+from tablemap.errors import ConfigError, TablemapError
 from tablemap.events import Record, RunFailed, StageFinished, StageStarted, ignore
+from tablemap.inputs import AnyInput, Input
 from tablemap.model import TableModel
 from tablemap.paths import AnyPath, as_path
 
@@ -40,7 +40,7 @@ class Outcome:
     ``model``: the chosen table; None where there is none.
     """
 
-    recording: Path
+    recording: Input
     run: RunFolder | None
     status: Literal["ok", "partial", "failed"]
     error: str | None
@@ -48,7 +48,7 @@ class Outcome:
 
 
 def run(
-    recording: AnyPath,
+    recording: AnyInput,
     *,
     output: AnyPath = "runs",
     config: Config | None = None,
@@ -59,6 +59,7 @@ def run(
 ) -> Outcome:
     """Process a recording into a new run folder ``output/<recording>/<run>``.
 
+    Of one drive several files may be given, which are read together.
     ``tables`` is ``best``, ``all``, or a place (x, y) in the map, metres: the table nearest to it.
     ``progress`` is given what the stages record, as it arises. ``follow`` is given the path of
     ``run.rrd`` before it is written, and left after.
@@ -68,32 +69,29 @@ def run(
     interruption or a defect of the program marks the folder and is raised again. Raises
     `TablemapError` where what is asked for cannot be: no path, no such method or tables.
     """
-    recording_path, output, config = as_path(recording), as_path(output), config or Config()
+    recording, output, config = Input.of(recording), as_path(output), config or Config()
     if method not in get_args(Method):
         raise ConfigError(f"expected a method of {', '.join(get_args(Method))}; found {method!r}.")
     try:
-        _check_exists(recording_path)
+        recording.check()
         from tablemap.pipeline import check_tables
 
         tables = check_tables(tables)
-        folder = RunFolder.create(
-            output, recording_path, method=method, tables=tables, config=config
-        )
+        folder = RunFolder.create(output, recording, method=method, tables=tables, config=config)
     except ConfigError:
         raise
     except TablemapError as error:
-        return Outcome(recording_path, None, "failed", str(error), None)
+        return Outcome(recording, None, "failed", str(error), None)
 
-    from tablemap.recording import sha256
     from tablemap.review.page.page import Page
 
     page = Page()
     stages = _Stages()
     with ThreadPoolExecutor(1, thread_name_prefix="sha256") as hashing:
-        digest = hashing.submit(sha256, recording_path)
+        digest = hashing.submit(recording.sha256)
         try:
             processed = _process_reviewed(
-                recording_path,
+                recording,
                 folder,
                 config,
                 _method(method),
@@ -121,14 +119,14 @@ def run(
                 entry = folder.manifest.recording.model_copy(update={"sha256": digest.result()})
                 folder.update(recording=entry)
             _leave(folder, page, stages, "failed", str(error))
-            return Outcome(recording_path, folder, "failed", str(error), None)
+            return Outcome(recording, folder, "failed", str(error), None)
         except KeyboardInterrupt:
             _leave(folder, page, stages, "interrupted", f"interrupted during {stages.current}")
             raise
         except BaseException as error:
             _leave(folder, page, stages, "failed", f"{type(error).__name__}: {error}")
             raise
-    return Outcome(recording_path, folder, status, folder.manifest.error, processed.model)
+    return Outcome(recording, folder, status, folder.manifest.error, processed.model)
 
 
 def reprocess(
@@ -156,18 +154,6 @@ def reprocess(
     )
 
 
-def _check_exists(recording: Path) -> None:
-    """Raise `RecordingError` where there is no such file."""
-    try:
-        mode = recording.stat().st_mode
-    except (FileNotFoundError, NotADirectoryError) as error:
-        raise RecordingError(f"there is no such file: {recording}") from error
-    except OSError as error:
-        raise RecordingError(f"the file cannot be read ({error.strerror}): {recording}") from error
-    if not stat.S_ISREG(mode):
-        raise RecordingError(f"expected an MCAP file, found a directory: {recording}")
-
-
 def _leave(
     folder: RunFolder,
     page: Page,
@@ -184,7 +170,7 @@ def _leave(
 
 
 def _process_reviewed(
-    recording_path: Path,
+    source: Input,
     folder: RunFolder,
     config: Config,
     process: Callable[..., Processed],
@@ -205,7 +191,7 @@ def _process_reviewed(
         Reviewer(
             file,
             run_id=folder.manifest.run_id,
-            recording_name=recording_path.stem,
+            recording_name=source.stem,
             config=config.review,
         ) as review,
     ):
@@ -215,7 +201,7 @@ def _process_reviewed(
                 observe(event)
 
         try:
-            recording = open_recording(recording_path, topics=config.topics, limits=config.limits)
+            recording = open_recording(source, topics=config.topics, limits=config.limits)
             record(recording)
             return process(recording, config=config, tables=tables, record=record)
         except BaseException as error:

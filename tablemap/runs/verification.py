@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from tablemap.archive.folder import LEAVE_A_MODEL, RunFolder, load_run
-from tablemap.archive.verification import Check, check_files, find_input, input_path
+from tablemap.archive.verification import Check, check_files, find_input, recorded_input
 from tablemap.errors import RecordingError, TablemapError
 from tablemap.model import TableModel
 from tablemap.paths import AnyPath
@@ -55,13 +55,13 @@ def _check_review(run: RunFolder) -> Check:
 
 
 def _check_input(run: RunFolder) -> Check:
-    file = input_path(run)
-    if not file.is_file():
-        return Check("recording", "unchecked", f"it is not here: {file}")
+    found = recorded_input(run)
+    if not found.exists():
+        return Check("recording", "unchecked", f"it is not here: {found}")
     try:
         find_input(run)
     except RecordingError as error:
         return Check("recording", "changed", str(error))
     if run.manifest.recording.sha256 is None:
-        return Check("recording", "unchecked", f"its size alone is known: {file}")
-    return Check("recording", "ok", str(file))
+        return Check("recording", "unchecked", f"its size alone is known: {found}")
+    return Check("recording", "ok", str(found))

@@ -16,6 +16,7 @@ from tablemap.archive import load_run
 from tablemap.cli import app
 from tablemap.config import Config, load_config
 from tablemap.errors import ConfigError, RecordingError, TablemapError
+from tablemap.inputs import Input
 from tablemap.runs import running
 from tests.making.models import rectangle_model
 from tests.making.run_folders import make_run
@@ -110,7 +111,7 @@ def test_reprocess_takes_the_run_s_settings_and_the_changes(
     run.update(tables=(1.0, 2.0), method="report")
     called: dict[str, object] = {}
 
-    def stand_in(recording: Path, **arguments: object) -> running.Outcome:
+    def stand_in(recording: Input, **arguments: object) -> running.Outcome:
         called.update(arguments, recording=recording)
         return running.Outcome(recording, run, "ok", None, None)
 
@@ -120,7 +121,7 @@ def test_reprocess_takes_the_run_s_settings_and_the_changes(
     config = called["config"]
     assert isinstance(config, Config)
     assert (config.seed, config.topics.laser) == (5, "/scan")
-    assert (called["recording"], called["output"]) == (recording, runs.resolve())
+    assert (called["recording"], called["output"]) == (Input.of(recording), runs.resolve())
     assert (called["method"], called["tables"]) == ("report", (1.0, 2.0))
     with pytest.raises(ConfigError):
         call("runs", "reprocess", run.path, "--set", "topics.nonsense=1")

@@ -208,7 +208,7 @@ WRONG = {
     ),
     "process @none.txt": (2, None),
     "process none.mcap": (1, "tablemap: there is no such file: none.mcap"),
-    "process .": (1, "tablemap: expected an MCAP file, found a directory: ."),
+    "process .": (1, "tablemap: Expected a recording (an MCAP or a bag) and found text: text.mcap"),
     "info .": (1, None),
     "export none --to svg": (1, None),
     "export text.mcap --to svg": (1, None),

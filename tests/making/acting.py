@@ -7,10 +7,10 @@ import signal
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 from tablemap.archive import RunFolder
 from tablemap.events import StageStarted
+from tablemap.inputs import AnyInput, Input
 from tablemap.runs import Job
 from tablemap.runs.running import Outcome
 
@@ -19,9 +19,10 @@ from tablemap.runs.running import Outcome
 class Acted(Job):
     """Leaves a run, none, or a dead process."""
 
-    def __call__(self, recording: Path, progress: Callable[[object], None]) -> Outcome:
+    def __call__(self, recording: AnyInput, progress: Callable[[object], None]) -> Outcome:
         """Do what the name says."""
         progress(StageStarted("snapshots", 0))
+        recording = Input.of(recording)
         if recording.stem.startswith("defect"):
             raise ValueError("of this recording")
         run = RunFolder.create(

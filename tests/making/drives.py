@@ -53,6 +53,11 @@ def check_drive(recording: Recording, *, depth_tolerance: float = 1e-6) -> None:
 Keep = Callable[[int], bool]
 
 
+def seconds(first: float, last: float) -> Keep:
+    """Return what keeps a part of the drive."""
+    return lambda time_ns: first <= (time_ns - w.START_NS) / w.SECOND < last
+
+
 def copy_to_bag(
     source: Path, bag: Path, *, compression: Rosbag1Writer.CompressionFormat | None = None
 ) -> None:

@@ -15,7 +15,7 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from tablemap.errors import RecordingError
 from tablemap.recording import inspect, open_recording
 from tests.making import messages as w
-from tests.making.drives import Keep, check_drive, copy_to_bag, copy_to_bag2
+from tests.making.drives import Keep, check_drive, copy_to_bag, copy_to_bag2, seconds
 
 Format = Rosbag1Writer.CompressionFormat
 
@@ -84,11 +84,6 @@ def split(tmp_path: Path, storage: StoragePlugin, *keeps: Keep) -> Path:
     tree["rosbag2_bagfile_information"]["relative_file_paths"] = names
     (folder / "metadata.yaml").write_text(yaml.safe_dump(tree))
     return folder
-
-
-def seconds(first: float, last: float) -> Keep:
-    """Return what keeps a part of the drive."""
-    return lambda time_ns: first <= (time_ns - w.START_NS) / w.SECOND < last
 
 
 @pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])

@@ -34,7 +34,7 @@ def test_globs_and_lists_name_recordings_once(
     (tmp_path / "list.txt").write_text("# laps\n\n  b.mcap \nsub/*.mcap\nmissing.mcap\n")
     found = expand(["@list.txt", "[ab].mcap", "odd[1].mcap", "no*.mcap"])
     names = ["b.mcap", "sub/c.mcap", "missing.mcap", "a.mcap", "odd[1].mcap", "no*.mcap"]
-    assert [path.as_posix() for path in found] == names
+    assert [str(path) for path in found] == names
     assert [path.name for path in expand([f"{tmp_path}/**/c.mcap"])] == ["c.mcap"]
     with pytest.raises(ConfigError, match=r"none\.txt"):
         expand(["@none.txt"])

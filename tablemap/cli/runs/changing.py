@@ -41,7 +41,7 @@ def reprocess(
 
     folder = load_run(run)
     outcome = process_one(
-        Path(folder.manifest.recording.path),
+        folder.manifest.recording.input,
         lambda progress: process_again(
             folder, output=output, overrides=settings or (), progress=progress
         ),

@@ -7,10 +7,7 @@ from pathlib import Path, PurePosixPath
 import yaml
 
 from tablemap.errors import ProcessWarning, RecordingError
-
-METADATA = "metadata.yaml"
-_SUFFIXES = (".mcap", ".db3", ".bag")
-_PACKED = (".zstd", ".zst")
+from tablemap.inputs import METADATA, is_recording
 
 
 def files_of(folder: Path, *, warnings: list[ProcessWarning]) -> list[Path]:
@@ -19,7 +16,7 @@ def files_of(folder: Path, *, warnings: list[ProcessWarning]) -> list[Path]:
     Without a ``metadata.yaml`` that can be read a folder must hold one recording alone. Raises
     `RecordingError` where it is not clear what belongs together, or nothing is there.
     """
-    inside = sorted(each for each in folder.iterdir() if _is_recording(each))
+    inside = sorted(each for each in folder.iterdir() if is_recording(each))
     listed = _listed(folder, warnings)
     if listed is None:
         if len(inside) == 1:
@@ -50,11 +47,6 @@ def files_of(folder: Path, *, warnings: list[ProcessWarning]) -> list[Path]:
     if not found:
         raise RecordingError(f"None of the files that the bag's {METADATA} names is in {folder}")
     return found
-
-
-def _is_recording(file: Path) -> bool:
-    name = file.name.removesuffix(".zstd").removesuffix(".zst")
-    return name.endswith(_SUFFIXES) and file.is_file()
 
 
 def _continues(file: Path, stem: str) -> bool:

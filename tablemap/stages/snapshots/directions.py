@@ -86,7 +86,7 @@ def planar_pose(recording: Recording, stamp_ns: int) -> Pose2:
     """Return where the base was localised. Raises `EstimationError` where that is not known."""
     pose = recording.fixed_from_base(stamp_ns)
     if pose is None:
-        raise EstimationError(f"No pose at {stamp_ns} ns: {recording.path}")
+        raise EstimationError(f"No pose at {stamp_ns} ns: {recording.input}")
     return Pose2.projected(pose)
 
 

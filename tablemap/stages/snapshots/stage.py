@@ -36,7 +36,7 @@ def take_snapshots(
     if len(stamps) == 0:
         raise RecordingError(
             "Expected depth images, found none; record the depth topic or name it with "
-            f"--set topics.depth=TOPIC: {recording.path}"
+            f"--set topics.depth=TOPIC: {recording.input}"
         )
     located, aside = _with_pose(recording, stamps)
     kind, stops = _plan(recording, located, config, sensors)
@@ -59,7 +59,7 @@ def take_snapshots(
     if not snapshots:
         raise EstimationError(
             f"Expected depth images at {len(kept)} viewpoints, but none could be decoded; "
-            f"see the warnings of `tablemap info`: {recording.path}"
+            f"see the warnings of `tablemap info`: {recording.input}"
         )
     aside = sorted([*aside, *dropped], key=lambda entry: entry.stamp_ns)
     return Snapshots(tuple(snapshots), tuple(aside), kind)
@@ -82,7 +82,7 @@ def _with_pose(
         raise EstimationError(
             f"Expected the pose of {names.base!r} in {names.fixed!r} at the depth images' stamps, "
             f"found none on /tf ({span}); record /tf and /tf_static, or set topics.fixed_frame and "
-            f"topics.base_frame: {recording.path}"
+            f"topics.base_frame: {recording.input}"
         )
     reason = f"no pose of {names.base!r} in {names.fixed!r} at its stamp"
     return stamps[known], [SetAside("depth image", int(s), reason) for s in stamps[~known]]

@@ -1,0 +1,155 @@
+"""What holds the recording of one drive: a file, a bag's folder, or several of one drive."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from tablemap.errors import RecordingError
+from tablemap.paths import AnyPath, as_path
+
+SUFFIXES = (".mcap", ".db3", ".bag")
+PACKED_SUFFIXES = (".zst", ".zstd")
+METADATA = "metadata.yaml"
+"""What a folder of rosbag2 says about its files."""
+
+
+@dataclass(frozen=True)
+class Input:
+    """The places of one drive's recording, which is read as one.
+
+    As a path it stands for its first place. ``places``: paths as they were given, at least one.
+    """
+
+    places: tuple[str, ...]
+
+    @staticmethod
+    def of(given: AnyInput) -> Input:
+        """Return what a caller gave: a path, several that belong together, or an input itself.
+
+        Raises `TablemapError` for what can be no path, and `RecordingError` for no path at all.
+        """
+        if isinstance(given, Input):
+            return given
+        if isinstance(given, Sequence) and not isinstance(given, str | bytes):
+            paths: list[AnyPath] = list(given)
+        else:
+            paths = [given]
+        if not paths:
+            raise RecordingError("expected a recording, found none.")
+        found = [as_path(path) for path in paths]
+        # A bag is often named by what lies in its folder.
+        found = [path.parent if path.name == METADATA else path for path in found]
+        return Input(tuple(dict.fromkeys(map(str, found))))
+
+    def __str__(self) -> str:
+        more = len(self.places) - 1
+        return f"{self.places[0]} and {more} more" if more else self.places[0]
+
+    def __fspath__(self) -> str:
+        return self.places[0]
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """The places as paths."""
+        return tuple(map(Path, self.places))
+
+    @property
+    def path(self) -> Path:
+        """The first place."""
+        return Path(self.places[0])
+
+    @property
+    def name(self) -> str:
+        """The first place's own name."""
+        return self.path.name or self.path.resolve().name
+
+    @property
+    def stem(self) -> str:
+        """What runs of it are called after: the name without what says how it is kept."""
+        if self.path.is_dir():
+            return self.name
+        name = Path(self.name)
+        return Path(name.stem).stem if name.suffix in PACKED_SUFFIXES else name.stem
+
+    def resolved(self) -> Input:
+        """Return the same input by absolute paths."""
+        return Input(tuple(str(path.resolve()) for path in self.paths))
+
+    def check(self) -> None:
+        """Raise `RecordingError` where a place is neither a file nor a folder with recordings."""
+        for path in self.paths:
+            try:
+                is_folder = path.is_dir()
+                if not is_folder:
+                    path.stat()
+            except (FileNotFoundError, NotADirectoryError) as error:
+                raise RecordingError(f"there is no such file: {path}") from error
+            except OSError as error:
+                raise RecordingError(
+                    f"the file cannot be read ({error.strerror}): {path}"
+                ) from error
+            if is_folder and not any(files_in(path)):
+                raise RecordingError(
+                    f"expected a recording, found a folder with none inside: {path}"
+                )
+            if not (is_folder or path.is_file()):
+                raise RecordingError(f"expected a recording, found no regular file: {path}")
+
+    def exists(self) -> bool:
+        """Tell whether all places are there."""
+        return all(path.exists() for path in self.paths)
+
+    def files(self) -> list[Path]:
+        """Return the files of all places, a folder's by their names."""
+        return [file for path in self.paths for file in (files_in(path) or [path])]
+
+    def size(self) -> int:
+        """Return the bytes of all files. Raises `RecordingError` where one cannot be read."""
+        try:
+            return sum(file.stat().st_size for file in self.files())
+        except OSError as error:
+            raise RecordingError(f"the file cannot be read ({error.strerror}): {self}") from error
+
+    def sha256(self) -> str:
+        """Return the SHA-256: a file's own; of several that of the lines of ``sha256sum``.
+
+        These have each file's hash, two blanks and its name alone, in the order of the places.
+        Raises `RecordingError` where a file cannot be read.
+        """
+        files = self.files()
+        if len(files) == 1 and files[0] == self.path:
+            return sha256(files[0])
+        lines = (f"{sha256(file)}  {file.name}\n" for file in files)
+        return hashlib.sha256("".join(lines).encode()).hexdigest()
+
+
+AnyInput = AnyPath | Sequence[AnyPath] | Input
+"""A recording: a path, or several of one drive."""
+
+
+def files_in(folder: Path) -> list[Path]:
+    """Return a folder's recordings, and what a bag says about them, by name; none of a file's."""
+    try:
+        inside = sorted(folder.iterdir()) if folder.is_dir() else []
+    except OSError:
+        return []
+    return [file for file in inside if file.name == METADATA or is_recording(file)]
+
+
+def is_recording(file: Path) -> bool:
+    """Tell by its name whether a file may hold messages."""
+    name = file.with_suffix("") if file.suffix in PACKED_SUFFIXES else file
+    return name.suffix in SUFFIXES and file.is_file()
+
+
+def sha256(path: AnyPath) -> str:
+    """Return a file's SHA-256, read in pieces. Raises `RecordingError` where it cannot be read."""
+    try:
+        with as_path(path).open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        reason = error.strerror or error
+        raise RecordingError(f"the file cannot be read ({reason}): {path}") from error
