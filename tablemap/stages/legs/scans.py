@@ -11,7 +11,7 @@ from tablemap.config import LegsConfig
 from tablemap.geometry import Floats, Pose2
 from tablemap.recording import Recording
 from tablemap.recording.messages import LaserScan
-from tablemap.stages.odometry import Trajectory
+from tablemap.stages.odometry import Trajectory, combine_beams
 from tablemap.stages.registration import Registration
 from tablemap.stages.snapshots import Snapshot
 
@@ -140,17 +140,11 @@ class _Stop:
         self.seen += 1
 
     def combined(self, noise: float) -> tuple[Floats, float]:
-        """Return the per-beam mean of what lies within 5 cm of the median, and its noise."""
+        """Return the beams' ranges, inf where most scans lost them, and the ranges' noise."""
         stack = np.stack(self.ranges)
-        hit = np.isfinite(stack)
+        beams = combine_beams(stack)
         lost = np.isinf(stack).mean(axis=0) >= 0.5
-        seen = hit.mean(axis=0) >= 0.6
-        ordered = np.sort(np.where(hit, stack, np.inf), axis=0)
-        middle = ordered[np.maximum(hit.sum(axis=0) - 1, 0) // 2, np.arange(stack.shape[1])]
-        middle = np.where(seen, middle, 0.0)
-        near = hit & (np.abs(np.where(hit, stack, 0.0) - middle) < 0.05)
-        mean = np.where(near, stack, 0.0).sum(axis=0) / np.maximum(near.sum(axis=0), 1)
-        ranges = np.where(seen, mean, np.where(lost, np.inf, np.nan))
+        ranges = np.where(beams.seen, beams.mean, np.where(lost, np.inf, np.nan))
         return ranges, noise / float(np.sqrt(len(stack)))
 
 

@@ -3,7 +3,7 @@
 from tablemap.stages.odometry.lines import fit_windows
 from tablemap.stages.odometry.result import Odometry, OdometryMap, OdometryScan
 from tablemap.stages.odometry.stage import estimate_odometry
-from tablemap.stages.odometry.sweep import points_in_base, sweep_motion
+from tablemap.stages.odometry.sweep import combine_beams, points_in_base, sweep_motion
 from tablemap.stages.odometry.trajectory import Trajectory
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "OdometryMap",
     "OdometryScan",
     "Trajectory",
+    "combine_beams",
     "estimate_odometry",
     "fit_windows",
     "points_in_base",

@@ -1,14 +1,18 @@
-"""A laser scan as points in the base, freed of the base's motion during its sweep."""
+"""A laser scan as points in the base, and the scans of a base that stands as one."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tablemap.geometry import Floats, Pose2, transform
+from tablemap.geometry import Bools, Floats, Pose2, transform
 from tablemap.recording.messages import LaserScan
+
+# Beams of a stop farther from their median (metres) saw something else: a person, or an edge.
+_SPREAD = 0.05
+_SEEN_SHARE = 0.6  # of the scans: a beam that fewer of them measured is not known
 
 
 def points_in_base(
@@ -17,7 +21,7 @@ def points_in_base(
     *,
     maximum_range: float,
     motion: Pose2 | None = None,
-) -> tuple[Floats, NDArray[np.bool_]]:
+) -> tuple[Floats, Bools]:
     """Lift a scan to 3D in the base at its stamp.
 
     ``motion`` is the base's during the sweep (first beam to last), each beam is moved back by its
@@ -61,3 +65,31 @@ def sweep_motion(
     step = before.inverse() @ after
     share = duration / span
     return Pose2(step.x * share, step.y * share, step.yaw * share), duration
+
+
+@dataclass(frozen=True, eq=False)
+class CombinedBeams:
+    """The scans of a base that stands, beam by beam.
+
+    - ``mean``: (beams,) metres, of what lies near the beam's median
+    - ``seen``: (beams,) whether most scans measured something
+    - ``agreed``: (beams,) whether at least half of those lie near the median
+    """
+
+    mean: Floats
+    seen: Bools
+    agreed: Bools
+
+
+def combine_beams(ranges: Floats) -> CombinedBeams:
+    """Combine the (scans, beams) metres of a base that stands; lost beams are not finite."""
+    valid = np.isfinite(ranges)
+    filled = np.where(valid, ranges, np.inf)
+    order = np.sort(filled, axis=0)
+    count = valid.sum(axis=0)
+    middle = np.take_along_axis(order, np.maximum((count - 1) // 2, 0)[None], axis=0)[0]
+    near = valid & (np.abs(filled - np.where(np.isfinite(middle), middle, 0.0)) < _SPREAD)
+    kept = near.sum(axis=0)
+    mean = np.where(near, ranges, 0.0).sum(axis=0) / np.maximum(kept, 1)
+    agreed = (kept >= 0.5 * np.maximum(count, 1)) & (kept > 0)
+    return CombinedBeams(mean, valid.mean(axis=0) >= _SEEN_SHARE, agreed)

@@ -9,13 +9,11 @@ import numpy as np
 from tablemap.geometry import Floats, Pose2
 from tablemap.recording import Recording
 from tablemap.recording.messages import LaserScan
-from tablemap.stages.odometry import Trajectory, points_in_base, sweep_motion
+from tablemap.stages.odometry import Trajectory, combine_beams, points_in_base, sweep_motion
 from tablemap.stages.registration.laser.normals import planar_normals
 from tablemap.stages.registration.result import StopScan
 from tablemap.stages.snapshots import Snapshot
 
-_SPREAD = 0.05  # beams of a stop further from their median saw something else (a person, a mix)
-_VALID_SHARE = 0.6
 _STILL = 0.005  # metres, and radians
 _NEAREST_SCAN_NS = 300_000_000
 
@@ -36,7 +34,7 @@ def stop_scan(
     """
     scans = _standing_scans(recording, snapshot, trajectory, most_scans)
     if len(scans) >= 2:
-        ranges = combine_beams(np.stack([_cleaned(s, maximum_range) for s in scans]))
+        ranges = _combined(np.stack([_cleaned(s, maximum_range) for s in scans]))
         return _as_stop(
             recording, snapshot, scans[0], ranges, Pose2(), None, len(scans), maximum_range
         )
@@ -51,19 +49,10 @@ def stop_scan(
     return _as_stop(recording, snapshot, nearest, ranges, moved, motion, 1, maximum_range)
 
 
-def combine_beams(ranges: Floats) -> Floats:
-    """Return (m,) metres of (scans, m): the mean of what lies near each beam's median, or NaN."""
-    valid = np.isfinite(ranges)
-    share = valid.mean(axis=0)
-    filled = np.where(valid, ranges, np.inf)
-    order = np.sort(filled, axis=0)
-    count = valid.sum(axis=0)
-    middle = np.take_along_axis(order, np.maximum((count - 1) // 2, 0)[None], axis=0)[0]
-    near = valid & (np.abs(filled - np.where(np.isfinite(middle), middle, 0.0)) < _SPREAD)
-    kept = near.sum(axis=0)
-    mean = np.where(near, ranges, 0.0).sum(axis=0) / np.maximum(kept, 1)
-    good = (share >= _VALID_SHARE) & (kept >= 0.5 * np.maximum(count, 1)) & (kept > 0)
-    return np.where(good, mean, np.nan)
+def _combined(ranges: Floats) -> Floats:
+    """Return (beams,) metres of (scans, beams), NaN where the scans do not agree."""
+    beams = combine_beams(ranges)
+    return np.where(beams.seen & beams.agreed, beams.mean, np.nan)
 
 
 def _standing_scans(
