@@ -53,10 +53,15 @@ class RecordingEntry(BaseModel):
     ``together`` are the further places of a drive that has several; size and hash are those of all.
     """
 
-    path: str
-    size: int | None
-    sha256: str | None
-    together: tuple[str, ...] = ()
+    path: str = Field(description="the recording, as it was given or found")
+    size: int | None = Field(description="bytes of all parts; null where one is no local file")
+    sha256: str | None = Field(
+        description="of the bytes of all parts; null until they were read to their end, or where "
+        "one is no local file"
+    )
+    together: tuple[str, ...] = Field(
+        default=(), description="the further places of a drive that has several"
+    )
 
     @property
     def input(self) -> Input:
@@ -69,20 +74,40 @@ class Manifest(BaseModel):
 
     model_config = ConfigDict(extra="ignore", populate_by_name=True)
 
-    schema_name: str = Field(SCHEMA, alias="schema")
-    run_id: str
-    recording: RecordingEntry
-    method: str
-    tables: Literal["best", "all"] | tuple[float, float]
-    seed: int
-    versions: dict[str, str]
-    started: str
-    finished: str | None = None
-    timings: dict[str, float] = {}
-    status: Status = "running"
-    error: str | None = None
-    files: dict[str, str] = {}
-    """SHA-256 of each file of the finished run, by its name in the folder; not of this one."""
+    schema_name: str = Field(SCHEMA, alias="schema", description="name of this schema")
+    run_id: str = Field(
+        description="name of the run and of its folder: when it began, in UTC, and eight random "
+        "hexadecimal digits",
+    )
+    recording: RecordingEntry = Field(description="the input")
+    method: str = Field(description="tablemap, or report: the baseline")
+    tables: Literal["best", "all"] | tuple[float, float] = Field(
+        description="which table: best (the best seen), all, or [x, y]: the nearest to that "
+        "place, metres in the map",
+    )
+    seed: int = Field(description="number that the random draws start from")
+    versions: dict[str, str] = Field(
+        description="of Python, the system, the packages and this one's source, by name"
+    )
+    started: str = Field(description="date and time in UTC, ISO 8601")
+    finished: str | None = Field(
+        default=None,
+        description="date and time in UTC, ISO 8601; null while it runs",
+    )
+    timings: dict[str, float] = Field(default={}, description="seconds of wall time, by stage")
+    status: Status = Field(
+        default="running",
+        description="running; ok; partial: a model, with a loss on the way; failed; interrupted",
+    )
+    error: str | None = Field(
+        default=None,
+        description="what ended the run, a sentence; null where nothing did",
+    )
+    files: dict[str, str] = Field(
+        default={},
+        description="SHA-256 of each file of the finished run, by its name in the folder; not "
+        "of this one",
+    )
 
 
 class RunFolder:

@@ -5,9 +5,10 @@ from tablemap.config.crosscheck import CrossCheckConfig
 from tablemap.config.export import ExportConfig
 from tablemap.config.legs import LegsConfig
 from tablemap.config.limits import LimitsConfig
-from tablemap.config.loading import dump_config, load_config
+from tablemap.config.loading import load_config
 from tablemap.config.odometry import OdometryConfig
 from tablemap.config.outline import OutlineConfig
+from tablemap.config.printing import dump_config, explain_config
 from tablemap.config.registration import RegistrationConfig
 from tablemap.config.report import ReportConfig
 from tablemap.config.review import ReviewConfig
@@ -36,5 +37,6 @@ __all__ = [
     "SurfaceConfig",
     "TopicsConfig",
     "dump_config",
+    "explain_config",
     "load_config",
 ]

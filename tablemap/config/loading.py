@@ -7,7 +7,6 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import tomli_w
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
@@ -173,11 +172,6 @@ def load_config(file: AnyPath | None = None, *, overrides: Sequence[str] = ()) -
         return Config.model_validate(tree)
     except ValidationError as error:
         raise ConfigError(_explain(error)) from error
-
-
-def dump_config(config: Config) -> str:
-    """Return the whole tree as TOML; `load_config` of it gives the same tree."""
-    return tomli_w.dumps(config.model_dump(mode="json", exclude_none=True))
 
 
 def _parse_value(text: str) -> object:

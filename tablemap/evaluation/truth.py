@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from tablemap.model import PlanarPose, Point
 from tablemap.model.documents import read_document
-from tablemap.model.shapes import SectionName, ShapeName
+from tablemap.model.shapes import DIMENSIONS, SectionName, ShapeName
 from tablemap.paths import AnyPath
 
 SCHEMA = "tablemap/truth/1"
@@ -23,57 +23,102 @@ class Part(BaseModel):
 class Tolerance(Part):
     """How well the truth itself is known, in metres."""
 
-    dimensions: float = 0.0
-    height: float = 0.0
+    dimensions: float = Field(default=0.0, description="metres by which the lengths may be off")
+    height: float = Field(default=0.0, description="metres by which the height may be off")
 
 
 class TrueSurface(Part):
     """The top. ``dimensions`` are named as in table.json; ``angle`` in radians."""
 
-    shape: ShapeName
-    pose: PlanarPose | None = None
-    height: float | None = None
-    dimensions: dict[str, float] | None = None
-    corner_radius: float | None = None
-    thickness: float | None = None
-    outline: tuple[Point, ...] | None = None
-    tolerance: Tolerance = Tolerance()
+    shape: ShapeName = Field(description="name of the shape")
+    pose: PlanarPose | None = Field(
+        default=None,
+        description="area centroid and heading in `frame`, as in table.json; null: not known",
+    )
+    height: float | None = Field(
+        default=None,
+        description="metres above the floor; null: not known",
+    )
+    dimensions: dict[str, float] | None = Field(
+        default=None, description=f"{DIMENSIONS}; null: not known"
+    )
+    corner_radius: float | None = Field(
+        default=None,
+        description="metres of rounded corners; null: sharp, or not known",
+    )
+    thickness: float | None = Field(
+        default=None,
+        description="metres of the top's slab; null: not known",
+    )
+    outline: tuple[Point, ...] | None = Field(
+        default=None,
+        description="[x, y] each, metres in `frame`, counter-clockwise; null: not known",
+    )
+    tolerance: Tolerance = Field(
+        default=Tolerance(),
+        description="how well these figures themselves are known",
+    )
 
 
 class TrueLeg(Part):
     """A leg at the laser's height."""
 
-    shape: SectionName
-    x: float
-    y: float
-    yaw: float = 0.0
-    dimensions: dict[str, float]
+    shape: SectionName = Field(description="name of its cross-section")
+    x: float = Field(description="metres in `frame`; the cross-section's middle")
+    y: float = Field(description="metres in `frame`; the cross-section's middle")
+    yaw: float = Field(
+        default=0.0,
+        description="radians in `frame`, counter-clockwise, of its length",
+    )
+    dimensions: dict[str, float] = Field(
+        description="metres across, by name: diameter of a circle, length and width of a rectangle",
+    )
 
 
 class TrueSnapshot(Part):
     """Where the base was, and the share of the top's area that the image shows unhidden."""
 
-    stamp_ns: int
-    map_from_base: PlanarPose
-    sees_top: float | None = None
+    stamp_ns: int = Field(description="nanoseconds; the image's time in the recording")
+    map_from_base: PlanarPose = Field(description="pose of the robot's base in `frame`")
+    sees_top: float | None = Field(
+        default=None,
+        description="share of the top's area that the image shows unhidden, 0 to 1; null: not "
+        "known",
+    )
 
 
 class Sensor(Part):
     """The sensors' injected errors: a factor on every depth, radians, a factor on every range."""
 
-    depth_scale: float | None = None
-    pitch: float | None = None
-    laser_range_scale: float | None = None
+    depth_scale: float | None = Field(
+        default=None,
+        description="factor on every depth that the camera measures; null: not known",
+    )
+    pitch: float | None = Field(
+        default=None,
+        description="radians about the base's y axis, from the recorded camera to the true "
+        "one; null: not known",
+    )
+    laser_range_scale: float | None = Field(
+        default=None,
+        description="factor on every range that the laser measures; null: not known",
+    )
 
 
 class Truth(Part):
     """Everything that is known of a recording, in its map frame."""
 
-    frame: str = "map"
-    surface: TrueSurface
-    legs: tuple[TrueLeg, ...] | None = None
-    snapshots: tuple[TrueSnapshot, ...] | None = None
-    sensor: Sensor | None = None
+    frame: str = Field(default="map", description="TF frame of every pose and point")
+    surface: TrueSurface = Field(description="the top")
+    legs: tuple[TrueLeg, ...] | None = Field(default=None, description="every leg; null: not known")
+    snapshots: tuple[TrueSnapshot, ...] | None = Field(
+        default=None,
+        description="the base at each image; null: not known",
+    )
+    sensor: Sensor | None = Field(
+        default=None,
+        description="errors that were put into the sensors; null: not known",
+    )
 
     @staticmethod
     def load(path: AnyPath) -> Truth:

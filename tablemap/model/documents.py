@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -25,6 +25,20 @@ def read_document(path: AnyPath, kind: type[Document], *, schema: str, noun: str
         return parse_document(text, kind, schema=schema, noun=noun)
     except TablemapError as error:
         raise TablemapError(f"{str(error).removesuffix('.')}: {file}") from error
+
+
+def document_schema(
+    kind: type[BaseModel], schema: str, *, mode: Literal["serialization", "validation"]
+) -> dict[str, object]:
+    """Return the JSON Schema of a document; fields that it does not name are allowed.
+
+    ``mode``: ``serialization`` of what we write, ``validation`` of what others may write.
+    """
+    found = kind.model_json_schema(mode=mode)
+    name = {"const": schema, "description": "name of this schema"}
+    found["properties"] = {"schema": name, **found["properties"]} | {"schema": name}
+    found["required"] = list(dict.fromkeys(["schema", *found["required"]]))
+    return found
 
 
 def parse_document(text: str, kind: type[Document], *, schema: str, noun: str) -> Document:

@@ -49,6 +49,11 @@ class ShapeRecord:
     is_section: bool = False
 
     @property
+    def dimensions(self) -> tuple[str, ...]:
+        """Names of its lengths and of its angle."""
+        return self.lengths if self.angle is None else (*self.lengths, self.angle)
+
+    @property
     def yaw_period(self) -> float:
         """The yaw is in [0, period), radians; 0: it is always 0.
 
@@ -132,6 +137,12 @@ SHAPES: dict[str, ShapeRecord] = {
     for record in (CIRCLE, ELLIPSE, RECTANGLE, SQUARE, PARALLELOGRAM, POLYGON, MESH)
 }
 """Every shape by its name, in the order in which they are listed."""
+
+
+DIMENSIONS = "figures by name, lengths in metres and angles in radians; " + "; ".join(
+    f"{record.name}: {', '.join(record.dimensions) or 'none'}" for record in SHAPES.values()
+)
+"""What each shape's dimensions are called, for the schemas."""
 
 
 def shape_named(name: str) -> ShapeRecord:

@@ -14,6 +14,7 @@ from pydantic import (
     AfterValidator,
     BaseModel,
     ConfigDict,
+    Field,
     ModelWrapValidatorHandler,
     ValidationError,
     model_validator,
@@ -21,8 +22,8 @@ from pydantic import (
 from pydantic.functional_serializers import PlainSerializer
 
 from tablemap.errors import TablemapError
-from tablemap.model.documents import damage, parse_document, read_document
-from tablemap.model.shapes import SectionName, ShapeName
+from tablemap.model.documents import damage, document_schema, parse_document, read_document
+from tablemap.model.shapes import DIMENSIONS, SectionName, ShapeName
 from tablemap.paths import AnyPath, as_path
 
 if TYPE_CHECKING:
@@ -57,6 +58,7 @@ Variance = Annotated[
 ]
 """An element of a covariance, written to nine significant digits."""
 Point = tuple[Number, Number]
+Row = tuple[Variance, Variance, Variance]
 
 
 class Part(BaseModel):
@@ -68,59 +70,92 @@ class Part(BaseModel):
 class Figure(Part):
     """A value and its standard deviation; null where no covariance stands behind one."""
 
-    value: Number
-    sigma: Number | None
+    value: Number = Field(description="metres, or radians of an angle")
+    sigma: Number | None = Field(
+        description="its standard deviation, in the same unit; null where no covariance stands "
+        "behind one",
+    )
 
 
 class Dimension(Figure):
     """A figure of a shape; of an ``unseen`` one the value is a bound."""
 
-    status: Status
+    status: Status = Field(
+        description="measured; inferred: seen at one end, or by symmetry; unseen: the value is "
+        "a bound",
+    )
 
 
 class SurfacePose(Part):
     """The top's area centroid and heading in ``frame``; covariance of x, y, yaw in the map."""
 
-    x: Number
-    y: Number
-    yaw: Number
-    covariance: tuple[
-        tuple[Variance, Variance, Variance],
-        tuple[Variance, Variance, Variance],
-        tuple[Variance, Variance, Variance],
-    ]
+    x: Number = Field(description="metres; the top's area centroid in `frame`")
+    y: Number = Field(description="metres; the top's area centroid in `frame`")
+    yaw: Number = Field(
+        description="radians in `frame`, counter-clockwise, of the top's own x axis, along its "
+        "first length; in [0, the least turn that brings the shape onto itself), "
+        "and 0 for a circle",
+    )
+    covariance: tuple[Row, Row, Row] = Field(
+        description="3 x 3, rows and columns in the order x, y, yaw, of the table in `frame`; "
+        "metres squared, metres times radians, radians squared"
+    )
 
 
 class Edge(Part):
     """One side of the outline and how much of it was seen."""
 
-    points: tuple[Point, ...]
-    status: Status
-    sigma: Number | None
-    seen_fraction: Number
+    points: tuple[Point, ...] = Field(
+        description="[x, y] each, metres in `frame`, counter-clockwise along the side, both "
+        "ends included",
+    )
+    status: Status = Field(
+        description="measured; inferred: seen in part, or by symmetry; unseen: it may lie "
+        "further out",
+    )
+    sigma: Number | None = Field(
+        description="metres across the side, standard deviation relative to the table; null "
+        "where none is known",
+    )
+    seen_fraction: Number = Field(description="share of the side's length that was seen, 0 to 1")
 
 
 class Alternative(Part):
     """Another shape that was weighed, with its posterior weight."""
 
-    shape: ShapeName
-    score: Number
+    shape: ShapeName = Field(description="name of the shape")
+    score: Number = Field(description="posterior weight among all shapes that were weighed, 0 to 1")
 
 
 class TableSurface(Part):
     """The top of the table; ``beside`` is the outline of what touches it and is no part of it."""
 
-    shape: ShapeName
-    pose: SurfacePose
-    height: Figure
-    thickness: Figure | None
-    dimensions: dict[str, Dimension]
-    corner_radius: Dimension | None
-    outline: tuple[Point, ...]
-    edges: tuple[Edge, ...]
-    score: Number
-    alternatives: tuple[Alternative, ...]
-    beside: tuple[Point, ...] | None = None
+    shape: ShapeName = Field(description="name of the shape")
+    pose: SurfacePose = Field(description="place and heading of the top in `frame`")
+    height: Figure = Field(description="metres above the floor (`floor_z`); the top's upper side")
+    thickness: Figure | None = Field(
+        description="metres of the top's slab; null where no side face showed it",
+    )
+    dimensions: dict[str, Dimension] = Field(description=DIMENSIONS)
+    corner_radius: Dimension | None = Field(
+        description="metres of rounded corners; null where they are sharp",
+    )
+    outline: tuple[Point, ...] = Field(
+        description="[x, y] each, metres in `frame`, counter-clockwise, the first point not "
+        "repeated; a curve as a fine polygon",
+    )
+    edges: tuple[Edge, ...] = Field(description="the sides of the outline, in its order")
+    score: Number = Field(
+        description="posterior weight of the shape among all that were weighed, 0 to 1",
+    )
+    alternatives: tuple[Alternative, ...] = Field(
+        description="the other shapes that were weighed",
+    )
+    beside: tuple[Point, ...] | None = Field(
+        default=None,
+        description="outline of what touches the top at its height and is no part of it: [x, "
+        "y] each, metres in `frame`; null where nothing does",
+    )
 
     def contains(
         self, x: ArrayLike, y: ArrayLike, *, frame: Literal["map", "table"] = "map"
@@ -143,63 +178,88 @@ class TableSurface(Part):
 class TableLeg(Part):
     """One leg: ``circle`` (diameter) or ``rectangle`` (length, width)."""
 
-    shape: SectionName
-    x: Number
-    y: Number
-    yaw: Number
-    status: Status
-    position_sigma: Number | None
-    dimensions: dict[str, Dimension]
+    shape: SectionName = Field(description="name of its cross-section")
+    x: Number = Field(description="metres in `frame`; the cross-section's middle")
+    y: Number = Field(description="metres in `frame`; the cross-section's middle")
+    yaw: Number = Field(
+        description="radians in `frame`, counter-clockwise, of its length; 0 for a circle",
+    )
+    status: Status = Field(
+        description="measured; inferred: put by symmetry, where no view could have seen it; "
+        "unseen: the value is a bound",
+    )
+    position_sigma: Number | None = Field(
+        description="metres along either axis, standard deviation relative to the table; null "
+        "where none is known",
+    )
+    dimensions: dict[str, Dimension] = Field(
+        description="metres across, by name: diameter of a circle, length and width of a rectangle",
+    )
 
 
 class PlanarPose(Part):
     """A pose in SE(2)."""
 
-    x: Number
-    y: Number
-    yaw: Number
+    x: Number = Field(description="metres in `frame`")
+    y: Number = Field(description="metres in `frame`")
+    yaw: Number = Field(description="radians in `frame`, counter-clockwise")
 
 
 class PoseSigma(Part):
     """Standard deviations of a snapshot's place (metres) and heading (radians)."""
 
-    xy: Number
-    yaw: Number
+    xy: Number = Field(description="metres along either axis")
+    yaw: Number = Field(description="radians")
 
 
 class SnapshotPose(Part):
     """Where a snapshot was, and why it was not used."""
 
-    stamp_ns: int
-    map_from_base: PlanarPose
-    sigma: PoseSigma | None
-    used: bool
-    reason: str | None
+    stamp_ns: int = Field(description="nanoseconds; the snapshot's time in the recording")
+    map_from_base: PlanarPose = Field(description="pose of the robot's base in `frame`")
+    sigma: PoseSigma | None = Field(
+        description="its standard deviations, relative to the other snapshots; null where unknown",
+    )
+    used: bool = Field(description="whether the model rests on it")
+    reason: str | None = Field(description="why it was not used; null where it was")
 
 
 class Verdict(Part):
     """Whether the model is to be trusted."""
 
-    level: Level
-    reasons: tuple[str, ...]
+    level: Level = Field(description="good; doubtful: look at the reasons; failed: not to be used")
+    reasons: tuple[str, ...] = Field(description="what is doubted, a sentence each")
 
 
 class WarningEntry(Part):
     """A warning; its code is one of `tablemap.errors.WARNING_CODES`."""
 
-    code: str
-    stage: str
-    message: str
-    stamp_ns: int | None
+    code: str = Field(
+        description="what it is about, from a documented list; those that begin with "
+        "`accuracy.` doubt the figures",
+    )
+    stage: str = Field(description="name of the stage that gave it")
+    message: str = Field(description="a sentence for people")
+    stamp_ns: int | None = Field(
+        description="nanoseconds; the time in the recording that it is about; null: all of it",
+    )
 
 
 class CalibrationEntry(Part):
-    """What the floor said about the camera (radians, a factor, metres), and its sigmas."""
+    """What the floor said about the camera, and how sure it was."""
 
-    roll: Number
-    pitch: Number
-    depth_scale: Number
-    sigma: tuple[Number, Number, Number]
+    roll: Number = Field(
+        description="radians about the base's x axis (the head's, where the error turns with the "
+        "head), from the recorded camera to the corrected one",
+    )
+    pitch: Number = Field(
+        description="radians about the base's y axis (the head's, where the error turns with the "
+        "head), from the recorded camera to the corrected one",
+    )
+    depth_scale: Number = Field(description="factor on every recorded depth")
+    sigma: tuple[Number, Number, Number] = Field(
+        description="standard deviations in the order roll, pitch (radians), depth_scale (share)",
+    )
 
 
 class TableModel(Part):
@@ -217,14 +277,26 @@ class TableModel(Part):
     Raises `TablemapError` where a part is missing or not as it should be.
     """
 
-    frame: str
-    floor_z: Number
-    surface: TableSurface
-    legs: tuple[TableLeg, ...]
-    snapshots: tuple[SnapshotPose, ...]
-    calibration: CalibrationEntry | None = None
-    verdict: Verdict
-    warnings: tuple[WarningEntry, ...]
+    frame: str = Field(
+        description="TF frame of every pose and point: the map, or what the recording has as "
+        "its fixed frame",
+    )
+    floor_z: Number = Field(
+        description="metres; the floor's height in `frame`, from which all other heights count",
+    )
+    surface: TableSurface = Field(description="the top")
+    legs: tuple[TableLeg, ...] = Field(description="every leg that was found, or put by symmetry")
+    snapshots: tuple[SnapshotPose, ...] = Field(
+        description="where the base stood, in the order of time, and which views were used",
+    )
+    calibration: CalibrationEntry | None = Field(
+        default=None,
+        description="what the floor said about the camera; null where it said nothing",
+    )
+    verdict: Verdict = Field(description="whether the model is to be trusted")
+    warnings: tuple[WarningEntry, ...] = Field(
+        description="what its reader must know",
+    )
 
     @model_validator(mode="wrap")
     @classmethod
@@ -268,7 +340,4 @@ class TableModel(Part):
 
 def json_schema() -> dict[str, object]:
     """Return the JSON Schema of ``table.json``; fields that it does not name are allowed."""
-    schema = TableModel.model_json_schema(mode="serialization")
-    schema["properties"] = {"schema": {"const": SCHEMA}, **schema["properties"]}
-    schema["required"] = ["schema", *schema["required"]]
-    return schema
+    return document_schema(TableModel, SCHEMA, mode="serialization")
