@@ -29,6 +29,10 @@ class TopicsConfig(Section):
         default="",
         description="topic of the base's laser scans; empty: found by itself",
     )
+    robot: str = Field(
+        default="",
+        description="the robot's namespace or frame prefix, of several; empty: the camera's own",
+    )
     fixed_frame: str = Field(
         default="",
         description="TF frame that the model is to be in, as map; empty: found by itself",

@@ -13,7 +13,6 @@ from tablemap.recording.decoding import TRANSFORMS, Decoder, DecodingError
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
 from tablemap.recording.raw import Source
 from tablemap.recording.tf.collector import TransformCollector
-from tablemap.recording.tf.frames import TransformTree
 from tablemap.recording.topics import Roles, Topic, decoders_of, implied_transforms
 
 Stamps = NDArray[np.int64]
@@ -32,8 +31,8 @@ class Stamped:
 class Channels:
     """The messages of the topics that have a role.
 
-    ``depth``, ``colour`` and ``laser`` say which there are, ``tree`` holds all transforms: both are
-    read once, here. ``say`` takes the code and the words of a warning.
+    Stamps and transforms are read once, here: `of` tells a topic's stamps, ``collector`` has the
+    transforms. ``say`` takes the code and the words of a warning.
     """
 
     def __init__(
@@ -47,10 +46,28 @@ class Channels:
         self._source, self._roles, self._say = source, roles, say
         self._limits = limits
         self._decoders: dict[int, Decoder] = {}
-        for topic in (roles.depth, roles.colour, roles.laser, *roles.transforms):
-            if topic is not None and topic.count:
+        self._topics = [t for t in (roles.depth, roles.colour, *roles.lasers) if t is not None]
+        for topic in (*self._topics, *roles.transforms):
+            if topic.count:
                 self._decoders |= self._decoders_of(topic)
-        self.depth, self.colour, self.laser, self.tree = self._survey()
+        self.collector = TransformCollector()
+        self._stamped: dict[str, Stamped] = {}
+        self._others: dict[str, list[str]] = {}
+        self._survey()
+
+    def of(self, topic: Topic | None) -> Stamped:
+        """Return which messages a topic has (None: no topic, and none)."""
+        if topic is None or topic.name not in self._stamped:
+            return _by_stamp([])
+        if topic.name in self._others:
+            others = self._others[topic.name]
+            self._say(
+                "recording.topic_choice",
+                f"{len(others)} messages on {topic.name} were left out, for they are in another "
+                f"frame ({', '.join(sorted(set(others))[:3])}): two sensors share the topic, and "
+                "the first is used.",
+            )
+        return self._stamped[topic.name]
 
     def in_order(
         self, topic: Topic, due: Stamped
@@ -91,54 +108,31 @@ class Channels:
             self.say_undecoded(topic.name, DecodingError(problem))
         return decoders if topic.first is not None else {}
 
-    def _say_others(self, frames: dict[str, list[str]]) -> None:
-        """Say that some of a topic's messages are in another frame than its first."""
-        for name, others in frames.items():
-            shown = ", ".join(sorted(set(others))[:3])
-            self._say(
-                "recording.topic_choice",
-                f"{len(others)} messages on {name} were left out, for they are in another frame "
-                f"({shown}): two sensors share the topic, and the first is used.",
-            )
-
-    def _survey(self) -> tuple[Stamped, Stamped, Stamped, TransformTree]:
+    def _survey(self) -> None:
         """Read the recording once for all transforms and for the stamps of images and scans."""
-        sensors = [t for t in (self._roles.depth, self._roles.colour, self._roles.laser) if t]
-        topic_of = {id: topic for topic in sensors for id in topic.ids}
+        topic_of = {id: t for t in (*self._topics, *self._roles.transforms) for id in t.ids}
         stamped: dict[str, list[tuple[int, int]]] = {}
-        others: dict[str, list[str]] = {}
-        collector = TransformCollector()
         for transform in implied_transforms(self._roles):
-            collector.add(transform)
+            self.collector.add(transform)
         for raw in self._source.messages(self._decoders):
-            decoder = self._decoders[raw.channel_id]
+            decoder, topic = self._decoders[raw.channel_id], topic_of[raw.channel_id]
             try:
                 if decoder.kind == TRANSFORMS:
                     message = decoder.decode(raw)
                     assert isinstance(message, tuple)
                     for transform in message:
-                        collector.add(transform, publisher=raw.channel_id)
+                        self.collector.add(
+                            transform, publisher=raw.channel_id, namespace=topic.namespace
+                        )
                     continue
-                topic = topic_of[raw.channel_id]
                 stamp_ns, frame_id = decoder.header(raw)
                 if frame_id in topic.recorded_frames:
                     stamped.setdefault(topic.name, []).append((stamp_ns, raw.log_time_ns))
                 else:
-                    others.setdefault(topic.name, []).append(frame_id)
+                    self._others.setdefault(topic.name, []).append(frame_id)
             except DecodingError as error:
-                self.say_undecoded(self._source.channels[raw.channel_id].topic, error)
-        self._say_others(others)
-        tree = collector.tree()
-        if collector.rejected:
-            self._say(
-                "recording.damaged",
-                f"{collector.lost()} were left out, for they are no rigid motions.",
-            )
-        depth, colour, laser = (
-            _by_stamp([] if topic is None else stamped.get(topic.name, []))
-            for topic in (self._roles.depth, self._roles.colour, self._roles.laser)
-        )
-        return depth, colour, laser, tree
+                self.say_undecoded(topic.name, error)
+        self._stamped = {name: _by_stamp(pairs) for name, pairs in stamped.items()}
 
 
 def _by_stamp(pairs: list[tuple[int, int]]) -> Stamped:

@@ -17,14 +17,13 @@ from tablemap.recording.depth import decode_depth, depth_encoding
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
 from tablemap.recording.raw import Channel, Source
 from tablemap.recording.rectification import rectification
+from tablemap.recording.robots import placed
 from tablemap.recording.sources import open_source
 from tablemap.recording.tf.collector import TransformCollector
-from tablemap.recording.tf.frame_roles import FrameNames, conflicts, find_frames
-from tablemap.recording.tf.frames import TransformTree
+from tablemap.recording.tf.frame_roles import FrameNames
 from tablemap.recording.topics import (
     Roles,
     Topic,
-    camera_frame,
     decoders_of,
     find_roles,
     implied_transforms,
@@ -127,15 +126,17 @@ def inspect(
         names = sorted({channel.topic for channel in source.channels.values()})
         roles, choices = find_roles(known, config, all_names=names)
         missing = missing_roles(source, roles, known)
-        tree, sampled = _sampled_tree(source, roles, limits)
+        collector, sampled = _sampled_transforms(source, roles, limits)
         frame_roles: FrameNames | None = None
+        tree = collector.tree()
         if roles.depth is not None and roles.calibration is not None:
             missing += _unfit_calibration(roles.depth, roles.calibration)
             if roles.transforms:
-                frame_roles, problems = _frame_roles(tree, roles, config)
-                missing += problems
-                if frame_roles is not None:
-                    choices += conflicts(tree, frame_roles)
+                try:
+                    tree, frame_roles, roles, said = placed(collector, roles, config)
+                    choices += said
+                except RecordingError as error:
+                    missing.append(str(error))
     return RecordingInfo(
         path=str(given),
         size_bytes=given.size(),
@@ -211,7 +212,9 @@ def _described(message: Message | None) -> str:
     return ""
 
 
-def _sampled_tree(source: Source, roles: Roles, limits: LimitsConfig) -> tuple[TransformTree, bool]:
+def _sampled_transforms(
+    source: Source, roles: Roles, limits: LimitsConfig
+) -> tuple[TransformCollector, bool]:
     """Read the transforms, of a long recording those of the static topics and of some places."""
     decoders: dict[int, Decoder] = {}
     for topic in roles.transforms:
@@ -232,8 +235,12 @@ def _sampled_tree(source: Source, roles: Roles, limits: LimitsConfig) -> tuple[T
                 continue  # processing says so; the tree is read from the others
             if isinstance(message, tuple):
                 for transform in message:
-                    collector.add(transform, publisher=raw.channel_id)
-    return collector.tree(), sampled
+                    collector.add(
+                        transform,
+                        publisher=raw.channel_id,
+                        namespace=source.channels[raw.channel_id].topic.rpartition("/")[0],
+                    )
+    return collector, sampled
 
 
 def _unfit_calibration(depth: Topic, calibration: Topic) -> list[str]:
@@ -248,14 +255,3 @@ def _unfit_calibration(depth: Topic, calibration: Topic) -> list[str]:
     except DecodingError as error:
         return [f"The first depth image on {depth.name} {error}."]
     return []
-
-
-def _frame_roles(
-    tree: TransformTree, roles: Roles, config: TopicsConfig
-) -> tuple[FrameNames | None, list[str]]:
-    camera = camera_frame(roles, tree.frames)
-    laser = roles.laser.frame_id if roles.laser is not None else None
-    try:
-        return find_frames(tree, camera=camera, laser=laser, config=config), []
-    except RecordingError as error:
-        return None, [str(error)]

@@ -20,17 +20,12 @@ from tablemap.recording.depth import decode_depth
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
 from tablemap.recording.raw import Source
 from tablemap.recording.rectification import Rectification, rectification
+from tablemap.recording.robots import placed
 from tablemap.recording.sources import open_source
-from tablemap.recording.tf.frame_roles import (
-    FrameNames,
-    conflicts,
-    find_frames,
-    ground_pose,
-    pose_stamps,
-)
+from tablemap.recording.tf.frame_roles import FrameNames, ground_pose, pose_stamps
+from tablemap.recording.tf.frames import TransformTree
 from tablemap.recording.topics import (
     Roles,
-    camera_frame,
     find_roles,
     list_topics,
     missing_roles,
@@ -85,10 +80,13 @@ class Recording:
         assert self.roles.depth is not None
         assert self.roles.calibration is not None
         self._channels = Channels(source, self.roles, limits=limits, say=self._say_once)
-        self.tree = self._channels.tree
+        self._depth, self._colour = (
+            self._channels.of(topic) for topic in (self.roles.depth, self.roles.colour)
+        )
         self._rectifications: dict[tuple[int, int], Rectification] = {}
         self._check_first_depth()
-        self.names = self._find_frames(topics)
+        self.tree, self.names, self.roles = self._place(topics)
+        self._laser = self._channels.of(self.roles.laser)
         self._pose_stamps = pose_stamps(self.tree, self.names.fixed, self._carrier)
         self.start_ns, self.end_ns = self._span()
 
@@ -101,11 +99,11 @@ class Recording:
 
     def depth_stamps(self) -> Stamps:
         """Return the (n,) header stamps of all depth images, ascending, without decoding them."""
-        return self._channels.depth.stamps_ns
+        return self._depth.stamps_ns
 
     def scan_stamps(self) -> Stamps:
         """Return the (n,) header stamps of all laser scans, ascending, without decoding them."""
-        return self._channels.laser.stamps_ns
+        return self._laser.stamps_ns
 
     def pose_stamps(self) -> Stamps:
         """Return the (n,) stamps at which the localised pose was recorded, ascending."""
@@ -127,7 +125,7 @@ class Recording:
         """
         assert self.roles.depth is not None
         topic = self.roles.depth.name
-        due = only(self._channels.depth, stamps_ns)
+        due = only(self._depth, stamps_ns)
         placed = self._base_from(self.names.camera, due.stamps_ns)
         order = {int(stamp): place for place, stamp in enumerate(due.stamps_ns)}
         unplaced = 0
@@ -162,7 +160,7 @@ class Recording:
     ) -> dict[int, Image | CompressedImage]:
         """Return, for each given stamp, the colour image nearest in time (absent: no key)."""
         wanted = np.atleast_1d(np.asarray(stamps_ns, dtype=np.int64))
-        have = self._channels.colour.stamps_ns
+        have = self._colour.stamps_ns
         if self.roles.colour is None or len(have) == 0 or len(wanted) == 0:
             return {}
         after = np.clip(np.searchsorted(have, wanted), 0, len(have) - 1)
@@ -170,7 +168,7 @@ class Recording:
         nearer = np.abs(have[before] - wanted) <= np.abs(have[after] - wanted)
         nearest = np.where(nearer, before, after)
         close = np.abs(have[nearest] - wanted) <= tolerance_ns
-        due = only(self._channels.colour, have[nearest[close]])
+        due = only(self._colour, have[nearest[close]])
         images = {
             message.stamp_ns: message
             for message in self._channels.in_order(self.roles.colour, due)
@@ -195,7 +193,7 @@ class Recording:
         """
         if self.roles.laser is None or self.names.laser is None:
             return
-        due = only(self._channels.laser, stamps_ns)
+        due = only(self._laser, stamps_ns)
         first = 0 if start_ns is None else int(np.searchsorted(due.stamps_ns, start_ns))
         last = None if end_ns is None else int(np.searchsorted(due.stamps_ns, end_ns, "right"))
         due = Stamped(due.stamps_ns[first:last], due.log_times_ns[first:last])
@@ -268,7 +266,7 @@ class Recording:
     def _check_first_depth(self) -> None:
         """Raise where the calibration does not fit the images, before anything is computed."""
         assert self.roles.depth is not None
-        for message in self._channels.in_order(self.roles.depth, self._channels.depth):
+        for message in self._channels.in_order(self.roles.depth, self._depth):
             assert isinstance(message, Image | CompressedImage)
             try:
                 height, width = decode_depth(message).shape
@@ -282,23 +280,15 @@ class Recording:
             "the recording has no depth that could be used."
         )
 
-    def _find_frames(self, config: TopicsConfig) -> FrameNames:
-        camera = camera_frame(self.roles, self.tree.frames)
-        laser = self.roles.laser.frame_id if self.roles.laser is not None else None
-        names = find_frames(self.tree, camera=camera, laser=laser, config=config)
-        if self.roles.laser is not None and names.laser is None:
-            self._say_once(
-                "recording.no_pose",
-                f"The laser on {self.roles.laser.name} was not used: its frame "
-                f"{self.roles.laser.frame_id!r} is not connected to the base in TF.",
-            )
-        self.warnings += conflicts(self.tree, names)
-        return names
+    def _place(self, config: TopicsConfig) -> tuple[TransformTree, FrameNames, Roles]:
+        """Return the robot's transforms, its frames, and the roles with the laser that it has."""
+        tree, names, roles, warnings = placed(self._channels.collector, self.roles, config)
+        for warning in warnings:
+            self._say_once(warning.code, warning.message)
+        return tree, names, roles
 
     def _span(self) -> tuple[int, int]:
-        stamps = [
-            s.stamps_ns for s in (self._channels.depth, self._channels.laser) if len(s.stamps_ns)
-        ]
+        stamps = [s.stamps_ns for s in (self._depth, self._laser) if len(s.stamps_ns)]
         return min(int(s[0]) for s in stamps), max(int(s[-1]) for s in stamps)
 
     def _rectification(self, width: int, height: int) -> Rectification:

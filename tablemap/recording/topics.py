@@ -93,6 +93,16 @@ class Topic:
         return "/".join(part for part in left if part)
 
     @property
+    def namespace(self) -> str:
+        """What stands before the last part of the topic's name: empty for ``/tf``."""
+        return self.name.rpartition("/")[0]
+
+    @property
+    def prefix(self) -> str:
+        """What stands before the frame's own name: ``robot1`` of ``robot1/base_link``."""
+        return self.frame_id.rpartition("/")[0]
+
+    @property
     def folder(self) -> str:
         """What the topic's siblings begin with, its transport taken off."""
         parts = self.name.split("/")
@@ -103,13 +113,17 @@ class Topic:
 
 @dataclass(frozen=True, eq=False)
 class Roles:
-    """The topics by role; None where the recording has none for it."""
+    """The topics by role; None where the recording has none for it.
+
+    ``lasers`` are all that could be it, best first; ``laser`` is the one that is used.
+    """
 
     depth: Topic | None
     calibration: Topic | None
     colour: Topic | None
     laser: Topic | None
     transforms: tuple[Topic, ...]
+    lasers: tuple[Topic, ...] = ()
 
 
 def list_topics(source: Source, limits: LimitsConfig) -> list[Topic]:
@@ -174,14 +188,17 @@ def find_roles(
     depth = given("depth", config.depth, shows_depth)
     if depth is None:
         images = [topic for topic in topics if shows_depth(topic) and not topic.words & _NO_DEPTH]
+        images = _of_robot(images, topics, config.robot) if config.robot else images
         most = max((topic.count for topic in images), default=0)
         ranked = sorted(images, key=lambda topic: _depth_rank(topic, calibrations, most))
         depth = ranked[0] if ranked else None
         cameras = _distinct(ranked, lambda topic: topic.camera)
         _say_choice(warnings, "depth", [topic.name for topic in cameras])
+    laser = given("laser", config.laser, lambda topic: isinstance(topic.first, LaserScan))
+    lasers = (laser,) if laser is not None else _lasers(topics, depth)
     if depth is None:
-        laser = given("laser", config.laser, lambda topic: isinstance(topic.first, LaserScan))
-        return Roles(None, None, None, laser or _laser(topics, warnings), _tf(topics)), warnings
+        roles = Roles(None, None, None, next(iter(lasers), None), _tf(topics), lasers)
+        return roles, warnings
 
     calibration = given("calibration", config.calibration, lambda topic: topic in calibrations)
     if calibration is None and isinstance(depth.first, CloudImage):
@@ -203,10 +220,34 @@ def find_roles(
         related = [t for t in colours if t.camera == depth.camera or t.frame_id == depth.frame_id]
         if related or len({topic.camera for topic in colours}) == 1:
             colour = min(related or colours, key=lambda topic: _colour_rank(topic, depth))
-    laser = given("laser", config.laser, lambda topic: isinstance(topic.first, LaserScan))
-    if laser is None:
-        laser = _laser(topics, warnings)
-    return Roles(depth, calibration, colour, laser, _tf(topics)), warnings
+    first = next(iter(lasers), None)
+    return Roles(depth, calibration, colour, first, _tf(topics), lasers), warnings
+
+
+def with_laser(
+    roles: Roles, frame: str | None, strangers: Collection[Topic]
+) -> tuple[Roles, list[ProcessWarning]]:
+    """Return the roles with the laser in a frame of the base (None: there is none), and say so.
+
+    Several topics in one frame are one laser; ``strangers`` are another robot's.
+    """
+    own = [topic for topic in roles.lasers if topic not in strangers]
+    laser = next((topic for topic in own if topic.frame_id == frame), None)
+    warnings: list[ProcessWarning] = []
+    if laser is not None:
+        others = [topic for topic in _distinct(own, lambda t: t.frame_id) if topic is not laser]
+        _say_choice(warnings, "laser", [topic.name for topic in (laser, *others)])
+    elif roles.lasers:
+        first = (own or roles.lasers)[0]
+        warnings.append(
+            ProcessWarning(
+                "recording.no_pose",
+                "recording",
+                f"The laser on {first.name} was not used: its frame {first.frame_id!r} is not "
+                "connected to the base in TF.",
+            )
+        )
+    return replace(roles, laser=laser), warnings
 
 
 def shows_depth(topic: Topic) -> bool:
@@ -285,11 +326,43 @@ def _colour_rank(topic: Topic, depth: Topic) -> tuple[object, ...]:
     )
 
 
-def _laser(topics: Sequence[Topic], warnings: list[ProcessWarning]) -> Topic | None:
-    """Choose the laser; several topics in one frame are one laser."""
-    scans = sorted((t for t in topics if isinstance(t.first, LaserScan)), key=_laser_rank)
-    _say_choice(warnings, "laser", [t.name for t in _distinct(scans, lambda t: t.frame_id)])
-    return scans[0] if scans else None
+def _of_robot(images: Sequence[Topic], topics: Sequence[Topic], robot: str) -> list[Topic]:
+    """Return the images of a robot, by their names or their frames' prefix, else those of none."""
+    name = robot.strip("/")
+    own = [t for t in images if t.prefix == name or f"{t.name.strip('/')}/".startswith(f"{name}/")]
+    names = _robot_namespaces(topics)
+    nobodys = [t for t in images if not t.prefix and not _namespace_of(t, names)]
+    if images and not (own or nobodys):
+        raise RecordingError(
+            f"No topic with depth images is of the robot {robot!r}; the recording has "
+            f"{', '.join(topic.name for topic in images)}."
+        )
+    return own or nobodys
+
+
+def _robot_namespaces(topics: Sequence[Topic]) -> set[str]:
+    """Return the namespaces in which transforms were recorded."""
+    return {topic.namespace for topic in _tf(topics)} - {""}
+
+
+def _namespace_of(topic: Topic, namespaces: Collection[str]) -> str:
+    """Return the innermost of some namespaces that a topic lies in, or nothing."""
+    around = [name for name in namespaces if topic.name.startswith(f"{name}/")]
+    return max(around, key=len, default="")
+
+
+def _lasers(topics: Sequence[Topic], depth: Topic | None) -> tuple[Topic, ...]:
+    """Return the laser topics, best first; those of the camera's own robot before any other."""
+    names = _robot_namespaces(topics)
+
+    def robot(topic: Topic) -> tuple[str, str]:
+        return _namespace_of(topic, names), topic.prefix
+
+    def rank(topic: Topic) -> tuple[object, ...]:
+        is_other = depth is not None and robot(topic) != robot(depth)
+        return is_other, *_laser_rank(topic)
+
+    return tuple(sorted((t for t in topics if isinstance(t.first, LaserScan)), key=rank))
 
 
 def _laser_rank(topic: Topic) -> tuple[object, ...]:

@@ -121,7 +121,7 @@ def test_roles_by_name_with_prefix() -> None:
         (0, "r1/base_link", "r1/camera", (0, 0, 1), 0),
         *drive("map", "r0/base_footprint"),
     )
-    names = find_frames(tree, camera="r1/camera", laser="nowhere", config=TopicsConfig())
+    names = find_frames(tree, camera="r1/camera", lasers=["nowhere"], config=TopicsConfig())
     assert (names.fixed, names.odom, names.laser) == ("map", "r1/odom", None)
     assert names.base in ("r1/base_footprint", "r1/base_link")
 
@@ -135,7 +135,7 @@ def test_roles_by_motion_where_no_name_tells() -> None:
         *[(t / 10, "vehicle", "neck", (0, 0, 1.0), 3.0 * t) for t in range(21)],
         (0, "neck", "eye", (0, 0, 0.1), 0),
     )
-    names = find_frames(tree, camera="eye", laser=None, config=TopicsConfig())
+    names = find_frames(tree, camera="eye", lasers=[], config=TopicsConfig())
     assert (names.fixed, names.odom, names.base) == ("origin", "w", "vehicle")
 
 
@@ -143,7 +143,7 @@ def test_pose_within_the_robot_alone_is_no_localisation() -> None:
     """A camera on a base that nobody localised has no pose; the sentence says what to record."""
     tree = tree_of((0, "base_link", "camera", (0, 0, 1), 0))
     with pytest.raises(RecordingError, match="localisation running"):
-        find_frames(tree, camera="camera", laser=None, config=TopicsConfig())
+        find_frames(tree, camera="camera", lasers=[], config=TopicsConfig())
 
 
 def test_ground_pose_keeps_the_camera_where_it_is() -> None:

@@ -12,6 +12,7 @@ Names decide first (REP 105), then how frames move:
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,21 +57,21 @@ class FrameNames:
 
 
 def find_frames(
-    tree: TransformTree, *, camera: str, laser: str | None, config: TopicsConfig
+    tree: TransformTree, *, camera: str, lasers: Sequence[str], config: TopicsConfig
 ) -> FrameNames:
-    """Return the frames by role.
+    """Return the frames by role; the laser is the first that the base carries.
 
     Raises `RecordingError` where the camera has no pose in a fixed frame, saying where it looked.
     """
     fixed = _fixed(tree, camera, config.fixed_frame)
-    names = FrameNames(fixed, None, f"{camera}_ground", camera, laser, base_is_virtual=True)
+    names = FrameNames(fixed, None, f"{camera}_ground", camera, None, base_is_virtual=True)
     base = _base(tree, names, config.base_frame)
     if base is not None:
         names = replace(names, base=base, base_is_virtual=False)
     carrier = camera if names.base_is_virtual else names.base
-    placed = laser is not None and tree.connected(laser, carrier)
     odom = _odom(tree, names, carrier, config.odom_frame)
-    return replace(names, odom=odom, laser=laser if placed else None)
+    laser = next((frame for frame in lasers if _carries(tree, names, frame)), None)
+    return replace(names, odom=odom, laser=laser)
 
 
 def conflicts(tree: TransformTree, names: FrameNames) -> list[ProcessWarning]:
@@ -169,6 +170,13 @@ def _belongs(tree: TransformTree, names: FrameNames, frame: str) -> bool:
         return False
     up_frame, up_camera = tree.path(frame, names.camera)
     return all(edge.parent != names.fixed for edge in (*up_frame, *up_camera)) or not up_frame
+
+
+def _carries(tree: TransformTree, names: FrameNames, laser: str) -> bool:
+    """Tell whether a laser is the base's, and no other robot's."""
+    if names.base_is_virtual:
+        return tree.connected(laser, names.camera)
+    return _belongs(tree, names, laser)
 
 
 def _is_driven(edge: Edge) -> bool:

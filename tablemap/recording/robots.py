@@ -1,0 +1,103 @@
+"""Several robots in one recording: whose transforms, laser and camera belong together.
+
+Robots are told by the namespaces of their TF topics (``/robot1/tf``), where these send the same
+frames, or by the prefixes of their frames (``robot1/base_link``) where they share one topic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tablemap.config import TopicsConfig
+from tablemap.errors import ProcessWarning, RecordingError
+from tablemap.recording.tf.collector import TransformCollector
+from tablemap.recording.tf.frame_roles import FrameNames, conflicts, find_frames
+from tablemap.recording.tf.frames import TransformTree
+from tablemap.recording.topics import Roles, Topic, camera_frame, with_laser
+
+
+def placed(
+    collector: TransformCollector, roles: Roles, config: TopicsConfig
+) -> tuple[TransformTree, FrameNames, Roles, list[ProcessWarning]]:
+    """Return the transforms of the camera's own robot, its frames, and the roles with its laser.
+
+    What was chosen, left out or sent in two ways is said. Raises `RecordingError` where the
+    camera's poses, or whose camera it is, cannot be told.
+    """
+    tree, others, warnings = own_tree(collector, roles, robot=config.robot)
+    if collector.rejected:
+        message = f"{collector.lost()} were left out, for they are no rigid motions."
+        warnings.append(ProcessWarning("recording.damaged", "recording", message))
+    camera = camera_frame(roles, tree.frames)
+    strangers = [topic for topic in roles.lasers if belongs(topic, others)]
+    own = [topic.frame_id for topic in roles.lasers if topic not in strangers]
+    names = find_frames(tree, camera=camera, lasers=own, config=config)
+    roles, choices = with_laser(roles, names.laser, strangers)
+    return tree, names, roles, [*warnings, *choices, *conflicts(tree, names)]
+
+
+def own_tree(
+    collector: TransformCollector, roles: Roles, *, robot: str
+) -> tuple[TransformTree, frozenset[str], list[ProcessWarning]]:
+    """Return the transforms of the camera's own robot, and the namespaces of the others.
+
+    ``robot`` is the one that was asked for, or empty. Raises `RecordingError` where it cannot be
+    told whose camera it is.
+    """
+    robots, given = collector.robots(), robot.strip("/")
+    if not robots:
+        tree = collector.tree()
+        prefixes = {frame.rpartition("/")[0] for frame in tree.frames}
+        namespaces = {name.namespace.strip("/") for name in roles.transforms}
+        if given and given not in prefixes | namespaces:
+            raise RecordingError(
+                f"No robot is named {robot!r}: the recording has no transforms of its namespace, "
+                f"and no frames that begin with it; its frames are {', '.join(tree.frames[:12])}."
+            )
+        return tree, frozenset(), []
+    if given and given not in {name.strip("/") for name in robots}:
+        raise RecordingError(
+            f"No robot is named {robot!r}; the recording has the robots {_listed(robots)}."
+        )
+    own = _own(collector, robots, roles, given)
+    others = frozenset(robots) - {own}
+    warning = ProcessWarning(
+        "recording.topic_choice",
+        "recording",
+        f"{len(robots)} robots send the same frames ({_listed(robots)}); the transforms of "
+        f"{own or '/tf'} were taken, as those of the camera; --set topics.robot=NAME takes "
+        "another.",
+    )
+    return collector.tree(without=others), others, [warning]
+
+
+def belongs(topic: Topic, namespaces: frozenset[str]) -> bool:
+    """Tell whether a topic lies in one of some robots' namespaces."""
+    return any(name and topic.name.startswith(f"{name}/") for name in namespaces)
+
+
+def _own(collector: TransformCollector, robots: Sequence[str], roles: Roles, given: str) -> str:
+    if given:
+        for name in robots:
+            if name.strip("/") == given:
+                return name
+    depth = roles.depth
+    if depth is not None:
+        around = [name for name in robots if depth.name.startswith(f"{name}/")]
+        if around:
+            return max(around, key=len)
+        holding = []
+        for name in robots:
+            tree = collector.tree(without=frozenset(robots) - {name})
+            if roles.calibration is not None and camera_frame(roles, tree.frames) in tree.frames:
+                holding.append(name)
+        if len(holding) == 1:
+            return holding[0]
+    raise RecordingError(
+        f"The transforms are of {len(robots)} robots ({_listed(robots)}), and nothing tells whose "
+        "the camera is; name the robot with --set topics.robot=NAME."
+    )
+
+
+def _listed(robots: Sequence[str]) -> str:
+    return ", ".join(name or "/tf" for name in robots)
