@@ -1,9 +1,11 @@
-"""What importing a part of the package costs."""
+"""What importing a part of the package costs, and what tests import of each other."""
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -23,3 +25,10 @@ def test_the_pipeline_loads_open3d_and_rerun_only_when_needed(module: str) -> No
     code = f"import sys, {module}; print(*(set(sys.modules) & {{'open3d', 'rerun', 'kiss_icp'}}))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []
+
+
+def test_test_modules_import_nothing_from_each_other() -> None:
+    """What several need is made in ``tests/making``."""
+    for file in Path(__file__).parent.rglob("*.py"):
+        found = re.findall(r"^(?:from|import) (tests\.\S+)", file.read_text("utf-8"), flags=re.M)
+        assert all(name.split(".")[1] == "making" for name in found), file

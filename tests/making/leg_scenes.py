@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from tablemap.geometry import Floats, Pose2, invert
+from tablemap.geometry import Floats, Pose2
 from tablemap.recording import FrameNames, Recording
 from tablemap.recording.messages import Image, LaserScan
 from tablemap.stages.odometry import Trajectory
 from tablemap.stages.registration import Registration
 from tablemap.stages.snapshots import Camera, Snapshot
 from tablemap.stages.surface import Figure, Surface
+from tests.making.casting import Box, Drum, World, looking
 
 BASE_FROM_LASER = np.eye(4)
 BASE_FROM_LASER[:3, 3] = (0.1675, 0.0, 0.1844)
@@ -35,105 +36,69 @@ class Scene:
     height: float = 0.75
     shape: str = "rectangle"
 
-    def edges(self) -> Floats:
-        """Return (n, 4) line segments of all boxes that the laser cuts, and of the walls."""
-        lines = [np.array(self.walls).reshape(-1, 4)]
-        for box in self.boxes:
-            if len(box) > 5 and not box[5] < 0.1844 < box[6]:
-                continue
-            x, y, length, width, yaw = box[:5]
-            corners = Pose2(x, y, yaw).apply(
-                0.5
-                * np.array([[length, width], [-length, width], [-length, -width], [length, -width]])
-            )
-            lines.append(np.hstack([corners, np.roll(corners, -1, axis=0)]))
-        return np.concatenate(lines)
+    def world(self) -> World:
+        """Return all that stands there, and the top."""
+        boxes = [
+            Box(x, y, length, width, *(span or (0.0, self.height)), yaw)
+            for x, y, length, width, yaw, *span in self.boxes
+        ]
+        posts = [Drum(x, y, 2 * radius, 0.0, self.height) for x, y, radius in self.circles]
+        return World([self.top(), *boxes, *posts], np.array(self.walls).reshape(-1, 4))
 
-    def cast(self, origin: Floats, angles: Floats) -> Floats:
-        """Return (n,) ranges, inf where nothing is met."""
-        d = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        best = np.full(len(angles), np.inf)
-        for x, y, radius in self.circles:
-            offset = np.array([x, y]) - origin
-            along = d @ offset
-            square = radius**2 - (offset @ offset - along**2)
-            t = along - np.sqrt(np.maximum(square, 0.0))
-            best = np.where((square > 0) & (t > 0), np.minimum(best, t), best)
-        for x0, y0, x1, y1 in self.edges():
-            start, edge = np.array([x0, y0]) - origin, np.array([x1 - x0, y1 - y0])
-            cross = d[:, 0] * edge[1] - d[:, 1] * edge[0]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                t = (start[0] * edge[1] - start[1] * edge[0]) / cross
-                s = (start[0] * d[:, 1] - start[1] * d[:, 0]) / cross
-            best = np.where((t > 0) & (s >= 0) & (s <= 1), np.minimum(best, t), best)
-        return best
-
-    def scan(
-        self,
-        map_from_base: Pose2,
-        stamp_ns: int,
-        rng: np.random.Generator,
-        *,
-        half_width: float = 0.001,
-        bias: float = 0.0,
-        noise: float = 0.01,
-    ) -> LaserScan:
-        """Cast a scan whose spot reports the nearest thing that it touches."""
-        origin = map_from_base.apply(BASE_FROM_LASER[:2, 3])
-        angles = np.linspace(-FIELD, FIELD, BEAMS) + map_from_base.yaw
-        parts = [self.cast(origin, angles + half_width * f) for f in (-1.0, -0.5, 0.0, 0.5, 1.0)]
-        ranges = np.min(parts, axis=0) + bias + rng.normal(0.0, noise, BEAMS)
-        ranges[~np.isfinite(ranges) | (ranges > 60)] = np.inf
-        return LaserScan(
-            stamp_ns,
-            "laser",
-            -FIELD,
-            FIELD,
-            2 * FIELD / (BEAMS - 1),
-            0.0,
-            1 / 30,
-            0.05,
-            60.0,
-            ranges.astype(np.float32),
-        )
+    def top(self) -> Box | Drum:
+        """Return the board of the top, 2 cm thick."""
+        low, high = self.height - 0.02, self.height
+        if self.shape == "circle":
+            return Drum(self.table.x, self.table.y, self.length, low, high)
+        return Box(self.table.x, self.table.y, self.length, self.width, low, high, self.table.yaw)
 
     def outline(self) -> Floats:
         """Return the top's outline (n, 2) in the map."""
-        if self.shape == "circle":
-            angles = np.linspace(0, 2 * np.pi, 72, endpoint=False)
-            local = 0.5 * self.length * np.column_stack([np.cos(angles), np.sin(angles)])
-        else:
-            local = 0.5 * np.array(
-                [
-                    [self.length, self.width],
-                    [-self.length, self.width],
-                    [-self.length, -self.width],
-                    [self.length, -self.width],
-                ]
-            )
+        top = self.top()
+        if isinstance(top, Box):
+            return top.sides()[:, :2]
+        angles = np.linspace(0, 2 * np.pi, 72, endpoint=False)
+        local = 0.5 * self.length * np.column_stack([np.cos(angles), np.sin(angles)])
         return self.table.apply(local)
 
-    def depth(self, map_from_camera: Floats, camera: Camera) -> Floats:
-        """Return the (height, width) depth of floor, top and boxes."""
-        rays = camera.rays.reshape(-1, 3).astype(np.float64) @ map_from_camera[:3, :3].T
-        eye = map_from_camera[:3, 3]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            best = np.where(rays[:, 2] < -1e-6, -eye[2] / rays[:, 2], np.inf)
-            top = (self.table.x, self.table.y, self.length, self.width, self.table.yaw)
-            solids = [(*top, self.height - 0.02, self.height)]
-            solids += [box if len(box) > 5 else (*box, 0.0, self.height) for box in self.boxes]
-            solids += [(x, y, 1.8 * r, 1.8 * r, 0.0, 0.0, self.height) for x, y, r in self.circles]
-            for x, y, length, width, yaw, low, high in solids:
-                frame = Pose2(x, y, yaw).inverse()
-                direction = np.column_stack([rays[:, :2] @ frame.rotation.T, rays[:, 2]])
-                start = np.array([*frame.apply(eye[:2]), eye[2]])
-                lower = (np.array([-length / 2, -width / 2, low]) - start) / direction
-                upper = (np.array([length / 2, width / 2, high]) - start) / direction
-                enter = np.minimum(lower, upper).max(axis=1)
-                leave = np.maximum(lower, upper).min(axis=1)
-                best = np.where((enter < leave) & (enter > 0), np.minimum(best, enter), best)
-        depth = best.reshape(camera.height, camera.width)
-        return np.where(depth < 5.0, depth, np.nan)
+
+def scanned(
+    world: World,
+    map_from_base: Pose2,
+    stamp_ns: int,
+    rng: np.random.Generator,
+    *,
+    half_width: float = 0.001,
+    bias: float = 0.0,
+    noise: float = 0.01,
+) -> LaserScan:
+    """Return a scan whose spot reports the nearest thing that it touches."""
+    origin = map_from_base.apply(BASE_FROM_LASER[:2, 3])
+    across = half_width * np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
+    angles = np.linspace(-FIELD, FIELD, BEAMS) + map_from_base.yaw + across[:, None]
+    rays = np.stack([np.cos(angles), np.sin(angles)], axis=-1).reshape(-1, 2)
+    met = world.cast_at(BASE_FROM_LASER[2, 3], origin, rays).reshape(len(across), BEAMS)
+    ranges = met.min(axis=0) + bias + rng.normal(0.0, noise, BEAMS)
+    ranges[~np.isfinite(ranges) | (ranges > 60)] = np.inf
+    return LaserScan(
+        stamp_ns,
+        "laser",
+        -FIELD,
+        FIELD,
+        2 * FIELD / (BEAMS - 1),
+        0.0,
+        1 / 30,
+        0.05,
+        60.0,
+        ranges.astype(np.float32),
+    )
+
+
+def photographed(world: World, map_from_camera: Floats, camera: Camera) -> Floats:
+    """Return the (height, width) depth of floor, top and what stands there, NaN beyond 5 m."""
+    rays = camera.rays.astype(np.float64)
+    depth = World(world.solids).depth(map_from_camera, rays)  # walls are farther off
+    return np.where(depth < 5.0, depth, np.nan)
 
 
 class FakeRecording(Recording):
@@ -184,15 +149,6 @@ def surface_of(scene: Scene, map_from_base: dict[int, Pose2]) -> Surface:
     )
 
 
-def looking_down(height: float = 1.1, pitch: float = 0.5) -> Floats:
-    """Return the (4, 4) pose of an optical frame in the base, looking ahead and down."""
-    c, s = np.cos(pitch), np.sin(pitch)
-    pose = np.eye(4)
-    pose[:3, :3] = np.array([[0.0, -s, c], [-1.0, 0.0, 0.0], [0.0, -c, -s]])
-    pose[:3, 3] = (0.1, 0.0, height)
-    return pose
-
-
 def drive(
     scene: Scene,
     rng: np.random.Generator,
@@ -211,7 +167,7 @@ def drive(
 ) -> tuple[FakeRecording, tuple[Snapshot, ...], Registration, Surface]:
     """Drive round the table and stop, with poses that are off by ``pose_sigma``."""
     camera = Camera(320, 240, 270.0, 270.0, 159.5, 119.5)
-    mount = looking_down()
+    mount, world = looking(1.1, 0.5, ahead=0.1), scene.world()
     scans: list[LaserScan] = []
     truth: list[Pose2] = []
     believed: list[Pose2] = []
@@ -245,7 +201,7 @@ def drive(
         seen = off(pose, pose_sigma)
         start = stamp
         for _ in range(scans_per_stop):
-            scans.append(scene.scan(pose, stamp, rng, half_width=half_width, bias=bias))
+            scans.append(scanned(world, pose, stamp, rng, half_width=half_width, bias=bias))
             stamp += SECOND // 30
         end = stamp - SECOND // 30
         stamps += [start, end]
@@ -254,7 +210,7 @@ def drive(
         believed.append(seen)
         depth = np.full((camera.height, camera.width), np.nan, dtype=np.float32)
         if with_depth:
-            depth = scene.depth(pose.lifted() @ mount, camera).astype(np.float32)
+            depth = photographed(world, pose.lifted() @ mount, camera).astype(np.float32)
             depth += rng.normal(0, 0.002, depth.shape).astype(np.float32)
         snapshots.append(
             Snapshot(
@@ -267,7 +223,7 @@ def drive(
         for i in range(1, scans_between + 1):
             stamp += SECOND // 10
             pose = at(turn + arc / stops * i / (scans_between + 1))
-            scans.append(scene.scan(pose, stamp, rng, half_width=half_width, bias=bias))
+            scans.append(scanned(world, pose, stamp, rng, half_width=half_width, bias=bias))
             guess = off(Pose2(pose.x + common[0], pose.y + common[1], pose.yaw), 0.5 * drive_sigma)
             stamps.append(stamp)
             trajectory.append(guess.as_array())
@@ -295,6 +251,3 @@ def drive(
         registration,
         surface,
     )
-
-
-__all__ = ["FakeRecording", "Scene", "drive", "four", "invert", "looking_down"]

@@ -40,6 +40,7 @@ from tablemap.stages.segmentation import (
 )
 from tablemap.stages.snapshots import Camera, SetAside, Snapshot, Snapshots
 from tablemap.stages.surface import Figure, Primitive, Surface, SurfaceEdge
+from tests.making.casting import Box, World, cast_level, looking
 from tests.making.models import rectangle_model
 
 Made = TypeVar("Made", bound=Any)
@@ -50,6 +51,10 @@ TABLE = Pose2(1.5, -0.4, 0.35)
 ROOM = 3.0
 CAMERA = Camera(width=320, height=240, fx=269.0, fy=269.0, cx=159.5, cy=119.5)
 LASER_HEIGHT = 0.18
+WORLD = World(
+    [Box(TABLE.x, TABLE.y, LENGTH, WIDTH, HEIGHT - 0.02, HEIGHT, TABLE.yaw)],
+    Box(TABLE.x, TABLE.y, 2 * ROOM, 2 * ROOM).sides(),
+)
 
 
 def filled(kind: type[Made], *values: object) -> Made:
@@ -68,13 +73,7 @@ def filled(kind: type[Made], *values: object) -> Made:
 
 def base_from_camera() -> Floats:
     """The optical frame 1.09 m up, looking 35 degrees down."""
-    down = np.radians(35)
-    forward = np.array([np.cos(down), 0, -np.sin(down)])
-    right = np.array([0.0, -1.0, 0.0])
-    pose = np.eye(4)
-    pose[:3, :3] = np.column_stack([right, np.cross(forward, right), forward])
-    pose[:3, 3] = [0.1, 0.0, 1.09]
-    return pose
+    return looking(1.09, np.radians(35), ahead=0.1)
 
 
 def true_pose(index: int, stops: int) -> Pose2:
@@ -90,28 +89,18 @@ def outline() -> Floats:
 
 
 def render(map_from_base: Pose2) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-    """Intersect the camera's rays with floor, top and four walls: depth and labels."""
+    """Cast the camera's rays at floor, top and four walls: depth and labels."""
     map_from_camera = map_from_base.lifted() @ base_from_camera()
     rays = CAMERA.rays.astype(np.float64) @ map_from_camera[:3, :3].T
     centre = map_from_camera[:3, 3]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        floor = np.where(rays[..., 2] < 0, -centre[2] / rays[..., 2], np.inf)
-        top = np.where(rays[..., 2] < 0, (HEIGHT - centre[2]) / rays[..., 2], np.inf)
-        wall = np.full(floor.shape, np.inf)
-        for axis in (0, 1):
-            for side in (-ROOM, ROOM):
-                hit = (TABLE.translation[axis] + side - centre[axis]) / rays[..., axis]
-                wall = np.minimum(wall, np.where(hit > 0, hit, np.inf))
-        local = TABLE.inverse().apply(
-            (centre + rays * np.nan_to_num(top, posinf=99)[..., None])[..., :2]
-        )
-    on = (np.abs(local[..., 0]) < LENGTH / 2) & (np.abs(local[..., 1]) < WIDTH / 2)
-    on &= np.isfinite(top)
-    depth = np.where(on, top, np.minimum(floor, wall))
-    labels = np.where(floor < wall, Label.FLOOR, Label.FRONT)
-    through = np.isfinite(top) & ~on & (np.linalg.norm(local, axis=-1) < 1.5)
+    depth, what = WORLD.cast(centre, rays)
+    on = what == 1
+    labels = np.select([what == 0, on], [Label.FLOOR, Label.TOP], Label.FRONT)
+    with np.errstate(divide="ignore"):
+        to_top = np.where(rays[..., 2] < 0, (HEIGHT - centre[2]) / rays[..., 2], 99.0)
+    local = TABLE.inverse().apply((centre + rays * to_top[..., None])[..., :2])
+    through = ~on & (np.linalg.norm(local, axis=-1) < 1.5)
     labels = np.where(through, Label.BEHIND, labels)
-    labels = np.where(on, Label.TOP, labels)
     cup = on & (np.linalg.norm(local - np.array([0.2, 0.1]), axis=-1) < 0.07)
     labels = np.where(cup, Label.ON_TOP, labels)
     depth = np.where(cup, depth * 0.95, depth)
@@ -189,10 +178,7 @@ def scan(map_from_base: Pose2, stamp_ns: int) -> LaserScan:
     angles = np.arange(-2.1, 2.1, 4.2 / 240)
     laser = map_from_base @ Pose2(0.17, 0, 0)
     beams = laser.rotate(np.column_stack([np.cos(angles), np.sin(angles)]))
-    place = laser.translation - TABLE.translation
-    with np.errstate(divide="ignore"):
-        reach = (np.sign(beams) * ROOM - place) / beams
-    ranges = np.min(np.where(reach > 0, reach, np.inf), axis=1).astype(np.float32)
+    ranges = cast_level(WORLD.walls, laser.translation, beams).astype(np.float32)
     return LaserScan(stamp_ns, "laser", -2.1, 2.1, 4.2 / 240, 0.0, 0.03, 0.05, 30.0, ranges)
 
 

@@ -15,48 +15,36 @@ from tablemap.geometry import Floats, Pose2, interpolate, wrap_angles
 from tablemap.recording import FrameNames, Recording
 from tablemap.recording.messages import CompressedImage, LaserScan
 from tablemap.stages.snapshots import Camera, Snapshot
+from tests.making.casting import Box, cast_level
 
 SECOND = 1_000_000_000
 BASE_FROM_LASER = np.eye(4)
 BASE_FROM_LASER[:3, 3] = (0.1675, 0.0, 0.1844)
 
 
-def box(x: float, y: float, length: float, width: float, yaw: float = 0.0) -> Floats:
-    """Return the (4, 4) sides x1, y1, x2, y2 of a rectangle about its centre."""
-    half = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * [length / 2, width / 2]
-    corners = Pose2(x, y, yaw).apply(half)
-    return np.hstack([corners, np.roll(corners, -1, axis=0)])
-
-
 def room(seed: int, *, size: tuple[float, float] = (6.0, 5.0)) -> Floats:
     """Return (n, 4) segments: walls, four table legs round the origin, cupboards at the walls."""
     rng = np.random.default_rng(seed)
-    parts = [box(rng.uniform(-0.4, 0.4), rng.uniform(-0.4, 0.4), *size, rng.uniform(-0.5, 0.5))]
-    parts += [box(x, y, 0.05, 0.05) for x in (-0.5, 0.5) for y in (-0.3, 0.3)]
+    x, y = rng.uniform(-0.4, 0.4), rng.uniform(-0.4, 0.4)
+    boxes = [Box(x, y, *size, yaw=rng.uniform(-0.5, 0.5)), *table_legs(0.05)]
     for _ in range(5):
         angle = rng.uniform(-np.pi, np.pi)
         reach = 0.42 * np.array(size) * [np.cos(angle), np.sin(angle)]
-        parts.append(box(*reach, *rng.uniform(0.2, 0.9, 2), rng.uniform(-np.pi, np.pi)))
-    return np.vstack(parts)
+        sizes = rng.uniform(0.2, 0.9, 2)
+        boxes.append(Box(*reach, *sizes, yaw=rng.uniform(-np.pi, np.pi)))
+    return np.vstack([box.sides() for box in boxes])
 
 
 def corridor(yaw: float, *, leg: float = 0.06) -> Floats:
     """Return (n, 4) segments: two walls along ``yaw`` without an end in sight, four table legs."""
     ends = np.array([[-40.0, -2.4], [40.0, -2.4], [-40.0, 2.6], [40.0, 2.6]])
     walls = Pose2(0.0, 0.0, yaw).apply(ends).reshape(2, 4)
-    return np.vstack([walls, *[box(x, y, leg, leg) for x in (-0.5, 0.5) for y in (-0.3, 0.3)]])
+    return np.vstack([walls, *(box.sides() for box in table_legs(leg))])
 
 
-def cast_rays(segments: Floats, origins: Floats, angles: Floats) -> Floats:
-    """Return (n,) distances from (n, 2) origins along (n,) angles, inf where nothing is hit."""
-    direction = np.stack([np.cos(angles), np.sin(angles)], axis=1)[:, None]
-    first, along = segments[None, :, :2], (segments[:, 2:] - segments[:, :2])[None]
-    offset = first - origins[:, None]
-    cross = direction[..., 0] * along[..., 1] - direction[..., 1] * along[..., 0]
-    cross = np.where(np.abs(cross) < 1e-12, np.nan, cross)
-    t = (offset[..., 0] * along[..., 1] - offset[..., 1] * along[..., 0]) / cross
-    u = (offset[..., 0] * direction[..., 1] - offset[..., 1] * direction[..., 0]) / cross
-    return np.where((t > 0) & (u >= 0) & (u <= 1), t, np.inf).min(axis=1)
+def table_legs(side: float) -> list[Box]:
+    """Return four square legs round the origin."""
+    return [Box(x, y, side, side) for x in (-0.5, 0.5) for y in (-0.3, 0.3)]
 
 
 @dataclass
@@ -207,10 +195,10 @@ class Drive:
             segments = self.segments
             if self.person:
                 t = (stamp - self.stamps[0]) / SECOND
-                segments = np.vstack(
-                    [segments, box(2.1 * np.cos(0.5 * t), 2.0 * np.sin(0.4 * t), 0.3, 0.3, t)]
-                )
-            ranges = cast_rays(segments, origin, yaw + bearing)
+                x, y = 2.1 * np.cos(0.5 * t), 2.0 * np.sin(0.4 * t)
+                segments = np.vstack([segments, Box(x, y, 0.3, 0.3, yaw=t).sides()])
+            beams = np.stack([np.cos(yaw + bearing), np.sin(yaw + bearing)], axis=1)
+            ranges = cast_level(segments, origin, beams)
             ranges = ranges + rng.normal(0, self.range_sigma, 721)
             ranges[rng.uniform(size=721) < 0.01] = np.inf
             yield LaserScan(

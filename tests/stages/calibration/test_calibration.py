@@ -11,7 +11,8 @@ from tablemap.config import CalibrationConfig, SensorsConfig
 from tablemap.geometry import Pose2
 from tablemap.stages.calibration import Calibration, calibrate
 from tablemap.stages.snapshots import Snapshot
-from tests.making.rendering import CAMERA, Box, mounting, round_trip, table, tilted
+from tests.making.casting import Box
+from tests.making.round_trips import CAMERA, mounting, round_trip, table, tilted
 
 CONFIG = CalibrationConfig()
 SENSORS = SensorsConfig()

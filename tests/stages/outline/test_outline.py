@@ -11,12 +11,13 @@ from tablemap.config import OutlineConfig, SensorsConfig
 from tablemap.errors import EstimationError
 from tablemap.stages.outline import EdgeKind, Outline, ViewEdges, find_edges
 from tablemap.stages.segmentation import Label, Segmentation
-from tests.making.photographs import Box, Drum, Scene, mount, photograph, segmentation_of
+from tests.making.casting import Box, Drum, looking
+from tests.making.photographs import Scene, photograph, segmentation_of
 
 CONFIG = OutlineConfig()
 SENSORS = SensorsConfig()
-LOW_CAMERA, HIGH_CAMERA = mount(1.09, 32.0), mount(1.38, 40.0)
-TOP = Box((1.3, 0.1), (0.8, 0.7), 0.72, 0.745, 0.3)
+LOW_CAMERA, HIGH_CAMERA = looking(1.09, np.radians(32.0)), looking(1.38, np.radians(40.0))
+TOP = Box(1.3, 0.1, 0.8, 0.7, 0.72, 0.745, 0.3)
 
 
 def outline_of(scene: Scene, *mounts: np.ndarray, seed: int = 0) -> Outline:
@@ -40,7 +41,7 @@ def errors_mm(scene: Scene, view: ViewEdges, *, near: bool) -> np.ndarray:
 @pytest.mark.parametrize("pose", [LOW_CAMERA, HIGH_CAMERA], ids=["low", "high"])
 @pytest.mark.parametrize(
     "top",
-    [TOP, Drum((1.25, 0.0), 0.8, 0.72, 0.745), Box((1.3, 0.1), (0.8, 0.7), 0.705, 0.745, 0.7)],
+    [TOP, Drum(1.25, 0.0, 0.8, 0.72, 0.745), Box(1.3, 0.1, 0.8, 0.7, 0.705, 0.745, 0.7)],
     ids=["rectangle", "circle", "thick"],
 )
 def test_near_and_far_edges_lie_on_the_outline(top: Box | Drum, pose: np.ndarray) -> None:
@@ -66,7 +67,7 @@ def test_sigma_covers_the_scatter_without_wild_excess() -> None:
 
 def test_normals_are_outward_units() -> None:
     """On a circle the normals point away from its centre."""
-    scene = Scene(Drum((1.25, 0.0), 0.8, 0.72, 0.745))
+    scene = Scene(Drum(1.25, 0.0, 0.8, 0.72, 0.745))
     (view,) = outline_of(scene, HIGH_CAMERA).views
     table = view.kind == EdgeKind.TABLE
     radial = view.points[table] - np.array([1.25, 0.0])
@@ -92,7 +93,7 @@ def test_height_and_thickness() -> None:
 
 def test_apron_is_not_the_thickness() -> None:
     """An apron set back by 3 cm does not count as side face."""
-    scene = Scene(TOP, (Box((1.3, 0.1), (0.74, 0.64), 0.62, 0.72, 0.3),))
+    scene = Scene(TOP, (Box(1.3, 0.1, 0.74, 0.64, 0.62, 0.72, 0.3),))
     assert outline_of(scene, LOW_CAMERA, HIGH_CAMERA).thickness == pytest.approx(0.025, abs=2e-3)
 
 
@@ -104,7 +105,7 @@ def test_solid_block_has_no_thickness() -> None:
 def test_bevelled_rim_puts_near_edges_at_the_face() -> None:
     """A rim that falls 8 mm is dull and its near edges lie on the face; a sharp one is not."""
     steps = np.linspace(0.0, 0.008, 5)
-    tiers = [Box(TOP.centre, (0.8 - 2 * s, 0.7 - 2 * s), 0.705, 0.737 + s, 0.3) for s in steps]
+    tiers = [Box(TOP.x, TOP.y, 0.8 - 2 * s, 0.7 - 2 * s, 0.705, 0.737 + s, TOP.yaw) for s in steps]
     bevelled = outline_of(Scene(tiers[-1], tuple(tiers[:-1])), LOW_CAMERA)
     assert bevelled.is_dull
     for view in bevelled.views:
@@ -149,9 +150,9 @@ def test_coarse_depth_steps_give_edges_with_honest_sigma() -> None:
 @pytest.mark.parametrize(
     "clutter",
     [
-        Box((1.62, 0.0), (0.2, 0.2), 0.745, 0.95),
-        Box((0.95, 0.1), (0.25, 0.2), 0.745, 0.85),
-        Box((0.75, 0.1), (0.05, 0.3), 0.0, 0.95),
+        Box(1.62, 0.0, 0.2, 0.2, 0.745, 0.95),
+        Box(0.95, 0.1, 0.25, 0.2, 0.745, 0.85),
+        Box(0.75, 0.1, 0.05, 0.3, 0.0, 0.95),
     ],
     ids=["far-edge", "overhanging-near-edge", "chair-back"],
 )
@@ -168,7 +169,7 @@ def test_clutter_is_no_table_edge(clutter: Box) -> None:
 
 def test_end_of_the_image_is_a_border() -> None:
     """Where the image cuts the top, the end is no table edge."""
-    scene = Scene(Box((1.4, 0.0), (0.8, 3.0), 0.70, 0.74))
+    scene = Scene(Box(1.4, 0.0, 0.8, 3.0, 0.70, 0.74))
     (view,) = outline_of(scene, HIGH_CAMERA).views
     border = view.kind == EdgeKind.BORDER
     assert border.sum() > 50

@@ -15,7 +15,8 @@ from tablemap.stages.registration.depth.heading import check_headings
 from tablemap.stages.registration.depth.sight import Sight, make_sight
 from tablemap.stages.registration.result import StopCheck
 from tablemap.stages.snapshots import Camera, Snapshot
-from tests.stages.registration.test_depth_check import VIEWS, Seen, disc, rectangle
+from tests.making.casting import Box, cast_level
+from tests.making.seen_tops import VIEWS, Seen, disc, rectangle
 
 RANGE = 3.5
 CAMERA = Camera(240, 120, 160.0, 160.0, 119.5, 59.5)
@@ -23,33 +24,23 @@ LEVEL = np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0.6], [0, 0, 0, 1]], d
 WHEELS = [(i, i - 1) for i in range(1, VIEWS)]
 
 
-def box(x: float, y: float, side: float) -> Floats:
-    """The four walls (4, 2, 2) of something square that stands in the room."""
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * side / 2 + [x, y]
-    return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
-
-
 BOXES = [(1.7, 0.5, 0.35), (-0.4, 1.7, 0.3), (-1.7, -0.9, 0.4), (0.7, -1.75, 0.25)]
 BOXES += [(-1.75, 0.8, 0.25), (1.3, 1.4, 0.2), (-0.6, -1.7, 0.2)]
-ROOM = np.concatenate([box(0, 0, 3.8), *(box(*each) for each in BOXES)])
+
+
+def square(x: float, y: float, side: float) -> Floats:
+    """The four walls (4, 4) of something square that stands in the room."""
+    return Box(x, y, side, side).sides()
+
+
+ROOM = np.concatenate([square(0, 0, 3.8), *(square(*each) for each in BOXES)])
 
 
 def sight(pose: Floats, walls: Floats) -> Sight:
-    """What a level camera at a pose sees of upright walls (n, 2, 2)."""
-    base = Pose2.from_array(pose).inverse()
-    start, end = base.apply(walls[:, 0]), base.apply(walls[:, 1])
-    ray = np.stack([np.ones(CAMERA.width), -CAMERA.rays[0, :, 0]], axis=1)
-    along = end - start
-
-    def cross(a: Floats, b: Floats) -> Floats:
-        return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
-
-    parallel = cross(ray[:, None], along[None])
-    parallel[np.abs(parallel) < 1e-9] = 1e-9
-    depth = cross(start, along)[None] / parallel
-    at = cross(start[None], ray[:, None]) / parallel
-    depth[(depth < 0.2) | (at < 0) | (at > 1)] = np.inf
-    image = np.tile(depth.min(axis=1), (CAMERA.height, 1))
+    """What a level camera at a pose sees of upright walls (n, 4)."""
+    base = Pose2.from_array(pose)
+    ahead = np.stack([np.ones(CAMERA.width), -CAMERA.rays[0, :, 0]], axis=1)
+    image = np.tile(cast_level(walls, base.translation, base.rotate(ahead)), (CAMERA.height, 1))
     image[~np.isfinite(image)] = np.nan
     image += np.random.default_rng(0).normal(0, 0.004, image.shape)
     snapshot = Snapshot(
@@ -148,7 +139,7 @@ def test_who_walks_through_the_room_fails_no_view(room: dict[int, Sight]) -> Non
     """Somebody stood before the boxes in two of the views; the top's corners outvote that."""
     top = rectangle()
     people = {
-        i: sight(top.poses[i], np.concatenate([ROOM, box(x, y, 0.4)]))
+        i: sight(top.poses[i], np.concatenate([ROOM, square(x, y, 0.4)]))
         for i, x, y in ((2, 0.3, -1.2), (5, 0.9, 0.9))
     }
     failed, tied, codes = check(top, {**room, **people}, top.poses, [])

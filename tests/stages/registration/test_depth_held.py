@@ -9,7 +9,7 @@ import numpy as np
 from tablemap.geometry import Pose2
 from tablemap.stages.registration.depth.held import odometry_report
 from tablemap.stages.registration.graph import solve_graph
-from tests.stages.registration.test_depth_check import chain, moved, rectangle
+from tests.making.seen_tops import chain, moved, rectangle
 
 
 def test_odometry_that_the_last_poses_contradict_is_not_called_used() -> None:

@@ -19,8 +19,8 @@ from tablemap.stages.odometry import estimate_odometry
 from tablemap.stages.registration import Pair, Registration, StopCheck, register
 from tablemap.stages.registration.laser.joined import checked_by_depth, open_stops
 from tablemap.stages.snapshots import Snapshot, take_snapshots
+from tests.making.registered_laps import no_edges
 from tests.making.rooms import relative_errors
-from tests.stages.registration.test_register import no_edges
 
 BLIND = 2
 

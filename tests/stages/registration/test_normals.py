@@ -6,18 +6,20 @@ import numpy as np
 
 from tablemap.geometry import Floats
 from tablemap.stages.registration.laser.normals import planar_normals
-from tests.making.rooms import box, cast_rays, corridor
+from tests.making.casting import Box, cast_level
+from tests.making.rooms import corridor
 
 ORIGIN = np.array([0.1, -0.8])
 BEARINGS = np.linspace(-2.1, 2.1, 721)
+BEAMS = np.stack([np.cos(BEARINGS), np.sin(BEARINGS)], axis=1)
 
 
 def scanned(segments: Floats, *, noise: float) -> Floats:
     """Return (721, 2) points of one scan, NaN where nothing is hit within 10 m."""
-    ranges = cast_rays(segments, np.tile(ORIGIN, (len(BEARINGS), 1)), BEARINGS)
+    ranges = cast_level(segments, ORIGIN, BEAMS)
     ranges = ranges + np.random.default_rng(0).normal(0.0, noise, len(ranges))
     ranges[ranges > 10.0] = np.nan
-    return ORIGIN + ranges[:, None] * np.stack([np.cos(BEARINGS), np.sin(BEARINGS)], axis=1)
+    return ORIGIN + ranges[:, None] * BEAMS
 
 
 def test_normals_of_a_bare_wall_hardly_nod() -> None:
@@ -33,7 +35,7 @@ def test_normals_of_a_bare_wall_hardly_nod() -> None:
 
 def test_the_faces_of_a_leg_keep_their_own_normals() -> None:
     """What is short is not taken for a piece of a longer line."""
-    points = scanned(box(0.9, -0.5, 0.08, 0.08), noise=0.001)
+    points = scanned(Box(0.9, -0.5, 0.08, 0.08).sides(), noise=0.001)
     normals, holds, _ = planar_normals(points, ORIGIN)
     assert holds.sum() > 10
     # Both faces are seen; in the middle of the one ahead the other is not near.
@@ -44,7 +46,7 @@ def test_the_faces_of_a_leg_keep_their_own_normals() -> None:
 
 def test_the_normals_of_a_corner_are_those_of_its_walls() -> None:
     """A longer piece is not bent round the corner."""
-    points = scanned(box(0.0, 0.0, 4.0, 3.0), noise=0.003)
+    points = scanned(Box(0.0, 0.0, 4.0, 3.0).sides(), noise=0.003)
     normals, holds, _ = planar_normals(points, ORIGIN)
     far_from_corner = np.abs(np.abs(points) - [2.0, 1.5]).max(axis=1) > 0.1
     straight = np.abs(normals[holds & far_from_corner]).max(axis=1)

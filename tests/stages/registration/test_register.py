@@ -11,45 +11,13 @@ from tablemap.config import OdometryConfig, RegistrationConfig, SensorsConfig
 from tablemap.errors import EstimationError
 from tablemap.events import ignore
 from tablemap.geometry import Pose2
-from tablemap.stages.odometry import Odometry, Trajectory, estimate_odometry
-from tablemap.stages.outline import Outline
+from tablemap.stages.odometry import Trajectory, estimate_odometry
 from tablemap.stages.registration import PairIteration, Registration, register
-from tests.making.rooms import Drive, box, corridor, relative_errors, room
+from tests.making.casting import Box
+from tests.making.registered_laps import carried, no_edges, run, small
+from tests.making.rooms import Drive, corridor, relative_errors
 
 SENSORS = SensorsConfig()
-
-
-def no_edges() -> Outline:
-    """Fail as `find_edges` does where no view shows the top."""
-    raise EstimationError("no edges of the table top")
-
-
-def carried(drive: Drive) -> Odometry:
-    """Return the wheels as odometry: its own tests are elsewhere."""
-    return estimate_odometry(
-        replace(drive, laser=False).recording(),
-        drive.snapshots(),
-        config=OdometryConfig(),
-        sensors=SENSORS,
-        record=ignore,
-    )
-
-
-def run(
-    drive: Drive, odometry: Odometry, config: RegistrationConfig | None = None
-) -> tuple[Registration, list[object]]:
-    """Register a drive's stops and return the result with the events."""
-    events: list[object] = []
-    result = register(
-        drive.recording(),
-        drive.snapshots(),
-        odometry,
-        edges=no_edges,
-        config=config or RegistrationConfig(),
-        sensors=SENSORS,
-        record=events.append,
-    )
-    return result, events
 
 
 def errors(result: Registration, drive: Drive) -> tuple[np.ndarray, np.ndarray]:
@@ -58,11 +26,6 @@ def errors(result: Registration, drive: Drive) -> tuple[np.ndarray, np.ndarray]:
         np.array([pose.as_array() for pose in result.map_from_base]), drive.truth()
     )
     return place, np.degrees(yaw)
-
-
-def small(seed: int, **changes: object) -> Drive:
-    """A lap of six short stops at the laser's reduced rate."""
-    return Drive(room(seed), seed=seed, stops=6, standing_s=1.0, rate_hz=12, **changes)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
@@ -154,7 +117,7 @@ def test_a_bad_start_is_found_by_searching() -> None:
 def test_a_stop_in_another_room_is_not_used() -> None:
     """A scan that fits nowhere is a warning and is not used, and the others stay right."""
     drive = small(4)
-    elsewhere = replace(drive, segments=box(0.3, 0.2, 3.4, 7.0, 0.6))
+    elsewhere = replace(drive, segments=Box(0.3, 0.2, 3.4, 7.0, yaw=0.6).sides())
     first, last = (drive.stop_stamps[5] + s * drive.half_stop_ns for s in (-1, 1))
 
     class Switched(Drive):

@@ -10,7 +10,7 @@ import pytest
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.registration.laser.check import check_stops
 from tablemap.stages.registration.placement import place_in_map
-from tests.stages.registration.test_register import carried, run, small
+from tests.making.registered_laps import carried, run, small
 
 
 def test_views_from_one_place_are_placed_once() -> None:

@@ -16,7 +16,8 @@ from tablemap.recording import open_recording
 from tablemap.stages.calibration import calibrate
 from tablemap.stages.segmentation import Label, TablesFound, find_tables, segment
 from tablemap.stages.snapshots import Snapshot, take_snapshots
-from tests.making.rendering import Box, mounting, round_trip, table
+from tests.making.casting import Box
+from tests.making.round_trips import mounting, round_trip, table
 
 CONFIG = SegmentationConfig()
 SENSORS = SensorsConfig()

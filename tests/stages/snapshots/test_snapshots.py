@@ -19,7 +19,7 @@ from tablemap.recording import DepthFrame, FrameNames, Recording
 from tablemap.recording.messages import CompressedImage, Image
 from tablemap.stages.snapshots import Snapshot, depth_sigma, take_snapshots
 from tablemap.stages.snapshots.combining import combine
-from tests.making.rendering import CAMERA, MESSAGE, mounting, round_trip
+from tests.making.round_trips import CAMERA, MESSAGE, mounting, round_trip
 
 CONFIG = SnapshotsConfig()
 SENSORS = SensorsConfig()

@@ -1,41 +1,21 @@
-"""Analytic depth images of boxes on a floor, for tests that need no simulator."""
+"""Round trips of a depth camera about boxes on a floor, for tests that need no simulator."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from tablemap.geometry import Floats, Pose2, transform
+from tablemap.geometry import Floats, Pose2
 from tablemap.recording.messages import CompressedImage
 from tablemap.stages.snapshots import Camera, Snapshot
+from tests.making.casting import Box, World, looking
 
 CAMERA = Camera(320, 240, 269.0, 269.0, 157.6, 116.5)
 MESSAGE = CompressedImage(0, "camera", "16UC1; compressedDepth png", b"")
 
 
-@dataclass(frozen=True)
-class Box:
-    """A box in the map: centre, size along its axes, bottom and top in metres, yaw in radians."""
-
-    x: float
-    y: float
-    length: float
-    width: float
-    bottom: float
-    top: float
-    yaw: float = 0.0
-
-
 def mounting(height: float = 1.1, down_deg: float = 25.0) -> Floats:
     """Return base_from_camera (4, 4) of a camera above the base's origin that looks ahead, down."""
-    pitch = np.deg2rad(down_deg)
-    mount = np.eye(4)
-    mount[:3, 0] = (0.0, -1.0, 0.0)
-    mount[:3, 1] = (-np.sin(pitch), 0.0, -np.cos(pitch))
-    mount[:3, 2] = (np.cos(pitch), 0.0, -np.sin(pitch))
-    mount[2, 3] = height
-    return mount
+    return looking(height, np.deg2rad(down_deg))
 
 
 def tilted(mount: Floats, *, roll: float, pitch: float) -> Floats:
@@ -52,21 +32,7 @@ def render(
     map_from_base: Pose2, mount: Floats, boxes: list[Box], camera: Camera = CAMERA
 ) -> Floats:
     """Return (height, width) depth in metres of floor and boxes, NaN beyond 6 m."""
-    map_from_camera = map_from_base.lifted() @ mount
-    origin = map_from_camera[:3, 3]
-    rays = np.asarray(camera.rays, dtype=np.float64) @ map_from_camera[:3, :3].T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        depth = np.where(rays[..., 2] < 0, -origin[2] / rays[..., 2], np.inf)
-        for box in boxes:
-            box_from_map = np.linalg.inv(Pose2(box.x, box.y, box.yaw).lifted())
-            start, along = transform(box_from_map, origin), rays @ box_from_map[:3, :3].T
-            low = np.array([-box.length / 2, -box.width / 2, box.bottom])
-            high = np.array([box.length / 2, box.width / 2, box.top])
-            first, second = (low - start) / along, (high - start) / along
-            enter = np.nanmax(np.minimum(first, second), axis=-1)
-            leave = np.nanmin(np.maximum(first, second), axis=-1)
-            hit = (enter < leave) & (enter > 0)
-            depth = np.where(hit, np.minimum(depth, enter), depth)
+    depth = World(boxes).depth(map_from_base.lifted() @ mount, camera.rays.astype(np.float64))
     depth[depth > 6.0] = np.nan
     return depth
 

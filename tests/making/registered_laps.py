@@ -1,0 +1,53 @@
+"""Laps through made-up rooms that are registered, with the wheels as their odometry."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from tablemap.config import OdometryConfig, RegistrationConfig, SensorsConfig
+from tablemap.errors import EstimationError
+from tablemap.events import ignore
+from tablemap.stages.odometry import Odometry, estimate_odometry
+from tablemap.stages.outline import Outline
+from tablemap.stages.registration import Registration, register
+from tests.making.rooms import Drive, room
+
+SENSORS = SensorsConfig()
+
+
+def no_edges() -> Outline:
+    """Fail as `find_edges` does where no view shows the top."""
+    raise EstimationError("no edges of the table top")
+
+
+def carried(drive: Drive) -> Odometry:
+    """Return the wheels as odometry: its own tests are elsewhere."""
+    return estimate_odometry(
+        replace(drive, laser=False).recording(),
+        drive.snapshots(),
+        config=OdometryConfig(),
+        sensors=SENSORS,
+        record=ignore,
+    )
+
+
+def run(
+    drive: Drive, odometry: Odometry, config: RegistrationConfig | None = None
+) -> tuple[Registration, list[object]]:
+    """Register a drive's stops and return the result with the events."""
+    events: list[object] = []
+    result = register(
+        drive.recording(),
+        drive.snapshots(),
+        odometry,
+        edges=no_edges,
+        config=config or RegistrationConfig(),
+        sensors=SENSORS,
+        record=events.append,
+    )
+    return result, events
+
+
+def small(seed: int, **changes: object) -> Drive:
+    """A lap of six short stops at the laser's reduced rate."""
+    return Drive(room(seed), seed=seed, stops=6, standing_s=1.0, rate_hz=12, **changes)  # type: ignore[arg-type]
