@@ -8,17 +8,17 @@ computing bivariate normal probabilities, Ann. Math. Statist. 27, 1956).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Literal, Protocol, get_args
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import owens_t
 
 from tablemap.errors import TablemapError
-from tablemap.geometry import Floats, Pose2
-from tablemap.model import Edge, TableSurface
+from tablemap.geometry import Floats, Ints, Pose2
 
 UNKNOWN_ABOVE = 0.01
 """Where an unseen side decides about more of the probability than this, there is none."""
@@ -33,29 +33,84 @@ MOST_AT_ONCE = 1_000_000
 Frame = Literal["map", "table"]
 
 
+class PlacedPose(Protocol):
+    """A pose in the map, and how well it is known."""
+
+    @property
+    def x(self) -> float:
+        """Metres."""
+
+    @property
+    def y(self) -> float:
+        """Metres."""
+
+    @property
+    def yaw(self) -> float:
+        """Radians."""
+
+    @property
+    def covariance(self) -> Sequence[Sequence[float]]:
+        """(3, 3) of x, y and yaw."""
+
+
+class Side(Protocol):
+    """A side of an outline."""
+
+    @property
+    def points(self) -> Sequence[tuple[float, float]]:
+        """Where it runs: x and y in the map, metres; a bound where it was not seen."""
+
+    @property
+    def status(self) -> str:
+        """``unseen``, or how it was seen."""
+
+    @property
+    def sigma(self) -> float | None:
+        """Metres, across it; None where nothing is known of it."""
+
+
+class Top(Protocol):
+    """A table's top as its model has it."""
+
+    @property
+    def pose(self) -> PlacedPose:
+        """Its area centroid, and its heading."""
+
+    @property
+    def outline(self) -> Sequence[tuple[float, float]]:
+        """X and y in the map, metres, counter-clockwise."""
+
+    @property
+    def edges(self) -> Sequence[Side]:
+        """The sides that make up the outline."""
+
+
 @dataclass(frozen=True, eq=False)
 class _Outline:
     """The outline as known, in the table's frame.
 
-    ``ring`` (M, 2) is counter-clockwise, ``sigma`` (M,) that of each segment's side and ``side``
-    (M,) its index. ``inner`` and ``outer`` bound the top where a side was not seen; both are the
-    ring where all were. ``open_normals`` (K, 2) point out of the sides that nothing bounds.
+    - ``ring``: (M, 2) metres, counter-clockwise
+    - ``sigma``: (M,) metres, of each segment's side
+    - ``side``: (M,) the index of each segment's side
+    - ``inner``, ``outer``: what the top is at least and at most; both are the ring where all sides
+      were seen
+    - ``open_normals``: (K, 2) unit vectors out of the sides that nothing bounds
     """
 
     ring: Floats
     sigma: Floats
-    side: NDArray[np.int64]
+    side: Ints
     inner: shapely.Geometry
     outer: shapely.Geometry
     open_normals: Floats
 
 
-def probability_on_top(
-    surface: TableSurface, x: ArrayLike, y: ArrayLike, *, frame: Frame = "map"
-) -> Floats:
+def probability_on_top(top: Top, x: ArrayLike, y: ArrayLike, *, frame: Frame = "map") -> Floats:
     """Return the probability that points are on the top, seen from above; NaN where unknown.
 
-    See `TableSurface.contains`.
+    ``x`` and ``y`` are metres in the map or in the table's own frame (origin at the pose, x along
+    its yaw). In the map the pose's covariance counts too. Raises `TablemapError` where they are no
+    numbers, their shapes do not fit, or there is no such frame.
     """
     if frame not in get_args(Frame):
         raise TablemapError(f"expected the frame 'map' or 'table', found {frame!r}.")
@@ -63,11 +118,11 @@ def probability_on_top(
         xs, ys = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
     except (TypeError, ValueError) as error:
         raise TablemapError(f"expected x and y as numbers of one shape: {error}.") from error
-    pose = Pose2(surface.pose.x, surface.pose.y, surface.pose.yaw)
+    pose = Pose2(top.pose.x, top.pose.y, top.pose.yaw)
     points = np.stack([xs.ravel(), ys.ravel()], axis=-1)
     if frame == "map":
         points = pose.inverse().apply(points)
-    outline = _outline(surface, pose)
+    outline = _outline(top, pose)
     known = np.isfinite(points).all(axis=1)
     result = np.full(len(points), np.nan)
     step = max(MOST_AT_ONCE // max(shapely.get_num_coordinates(outline.outer), 1), 1)
@@ -75,7 +130,7 @@ def probability_on_top(
         some = np.flatnonzero(known[first : first + step]) + first
         covariance = _side_covariance(outline, points[some])
         if frame == "map":
-            covariance = covariance + _pose_covariance(surface, pose, outline, points[some])
+            covariance = covariance + _pose_covariance(top.pose, outline, points[some])
         result[some] = _between(outline, points[some], covariance)
     return result.reshape(xs.shape)
 
@@ -91,12 +146,12 @@ def _between(outline: _Outline, points: Floats, covariance: Floats) -> Floats:
     return np.where(most - least > UNKNOWN_ABOVE, np.nan, (least + most) / 2)
 
 
-def _outline(surface: TableSurface, pose: Pose2) -> _Outline:
+def _outline(top: Top, pose: Pose2) -> _Outline:
     to_table = pose.inverse()
-    ring = to_table.apply(np.array(surface.outline, dtype=np.float64).reshape(-1, 2))
+    ring = to_table.apply(np.array(top.outline, dtype=np.float64).reshape(-1, 2))
     polygon = shapely.orient_polygons(shapely.Polygon(ring)) if len(ring) > 2 else shapely.Polygon()
     ring = np.array(polygon.exterior.coords, dtype=np.float64)[:-1].reshape(-1, 2)
-    sides = [to_table.apply(np.array(edge.points).reshape(-1, 2)) for edge in surface.edges]
+    sides = [to_table.apply(np.array(edge.points).reshape(-1, 2)) for edge in top.edges]
     if len(ring) == 0 or not sides:
         nothing = np.zeros((0, 2))
         empty = shapely.Polygon()
@@ -105,20 +160,20 @@ def _outline(surface: TableSurface, pose: Pose2) -> _Outline:
     lines = np.array([shapely.LineString(side) for side in sides])
     side = np.argmin(shapely.distance(middles[:, None], lines[None]), axis=1)
     extent = float(np.ptp(ring, axis=0).max())
-    stated = [edge.sigma for edge in surface.edges if edge.sigma and edge.status != "unseen"]
+    stated = [edge.sigma for edge in top.edges if edge.sigma and edge.status != "unseen"]
     usual = float(np.median(stated)) if stated else LEAST_SIGMA
-    sigma = np.array([_sigma(edge, usual) for edge in surface.edges])[side]
+    sigma = np.array([_sigma(edge, usual) for edge in top.edges])[side]
     whole = _Outline(ring, sigma, side, polygon, polygon, np.zeros((0, 2)))
-    return _bounded(whole, surface.edges, polygon, extent)
+    return _bounded(whole, top.edges, polygon, extent)
 
 
-def _sigma(edge: Edge, usual: float) -> float:
+def _sigma(edge: Side, usual: float) -> float:
     known = edge.sigma is not None and edge.status != "unseen"
     return max(edge.sigma if known and edge.sigma else usual, LEAST_SIGMA)
 
 
 def _bounded(
-    whole: _Outline, edges: tuple[Edge, ...], polygon: shapely.Polygon, extent: float
+    whole: _Outline, edges: Sequence[Side], polygon: shapely.Polygon, extent: float
 ) -> _Outline:
     """Add what the top is at least and at most, where sides were not seen or have no sigma."""
     if any(edge.sigma is None and edge.status != "unseen" for edge in edges):
@@ -139,7 +194,7 @@ def _bounded(
     return replace(whole, inner=inner, outer=outer, open_normals=np.array(normals).reshape(-1, 2))
 
 
-def _unseen_runs(whole: _Outline, edges: tuple[Edge, ...]) -> list[NDArray[np.int64]]:
+def _unseen_runs(whole: _Outline, edges: Sequence[Side]) -> list[Ints]:
     """Return the segments of unseen sides, neighbours together."""
     unseen = np.array([edges[k].status == "unseen" for k in whole.side])
     if unseen.all():
@@ -157,7 +212,7 @@ def _normals(ring: Floats) -> Floats:
     return np.asarray(outward / np.maximum(np.linalg.norm(outward, axis=1), 1e-12)[:, None])
 
 
-def _swept(ring: Floats, run: NDArray[np.int64], distance: float) -> shapely.Geometry:
+def _swept(ring: Floats, run: Ints, distance: float) -> shapely.Geometry:
     """Return what neighbouring segments pass over when they move outward, or inward if negative.
 
     Their ends move along the sides that they meet, as far as these lead outward.
@@ -196,18 +251,16 @@ def _side_covariance(outline: _Outline, points: Floats) -> Floats:
     return np.asarray(across + beside)
 
 
-def _pose_covariance(
-    surface: TableSurface, pose: Pose2, outline: _Outline, points: Floats
-) -> Floats:
+def _pose_covariance(pose: PlacedPose, outline: _Outline, points: Floats) -> Floats:
     """Return (N, 2, 2): how the pose's covariance moves points in the table's frame.
 
     Beside a side that nothing bounds the pose, a centroid, is as unknown as the side: the place
     along its normal is then taken to be as well known as across it. Where two such sides lie in
     different directions the place is not known at all (NaN).
     """
-    covariance = np.array(surface.pose.covariance, dtype=np.float64)
+    covariance = np.array(pose.covariance, dtype=np.float64)
     table_from_map = np.eye(3)
-    table_from_map[:2, :2] = pose.inverse().rotation
+    table_from_map[:2, :2] = Pose2(pose.x, pose.y, pose.yaw).inverse().rotation
     covariance = table_from_map @ covariance @ table_from_map.T
     if len(outline.open_normals):
         first = outline.open_normals[0]

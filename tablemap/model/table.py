@@ -170,6 +170,7 @@ class TableSurface(Part):
         are not finite. Raises `TablemapError` where ``x`` and ``y`` are no numbers, their shapes do
         not fit, or there is no such frame.
         """
+        # Imported here: NumPy and SciPy take longer than all that reads a model else.
         from tablemap.model.footprint import probability_on_top
 
         return probability_on_top(self, x, y, frame=frame)
