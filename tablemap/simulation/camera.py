@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tablemap.geometry import Floats, Pose2
-from tablemap.simulation import structured_light
+from tablemap.simulation import stereo, structured_light, time_of_flight
 from tablemap.simulation.bending import Bend, draw_bend
 from tablemap.simulation.drive import CAMERA_AHEAD
 from tablemap.simulation.lens import Lens
 from tablemap.simulation.scenario import Camera
 from tablemap.simulation.scene import Scene
-from tablemap.simulation.seeds import Generators
+from tablemap.simulation.seeds import Generators, clipped_normal
 from tablemap.simulation.view import View, see
 
 _OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
@@ -28,7 +29,8 @@ class CameraErrors:
     ``x``, ``y``, ``z`` and turned about the base's axes by ``roll``, ``pitch`` and ``yaw``; its
     true focal length is the recorded one times ``focal_scale``. ``bend`` multiplies depth pixel by
     pixel, and ``warming`` is the share by which the scale drifts from the drive's start to its end,
-    none in its middle.
+    none in its middle. ``corners`` are how much nearer the image's outermost corners read: upper
+    left, upper right, lower left, lower right.
     """
 
     depth_scale: float
@@ -41,6 +43,7 @@ class CameraErrors:
     focal_scale: float
     bend: Bend | None
     warming: float
+    corners: tuple[float, ...]
 
     @staticmethod
     def drawn(camera: Camera, rng: np.random.Generator, generator: Generators) -> CameraErrors:
@@ -59,7 +62,8 @@ class CameraErrors:
             float(camera.mount_height_sigma * unit[6]),
             float(1 + camera.focal_sigma * np.clip(generator("lens").normal(), -2.5, 2.5)),
             draw_bend(camera, generator("bend")),
-            float(camera.warming_sigma * np.clip(generator("warming").normal(), -2.5, 2.5)),
+            float(camera.warming_sigma * clipped_normal(generator("warming"), 1)[0]),
+            tuple((camera.corner_nearer * generator("corners").uniform(0.5, 1.0, 4)).tolist()),
         )
 
     def applied(self, base_from_camera: Floats) -> Floats:
@@ -91,6 +95,7 @@ class DepthCamera(Lens):
     def __init__(self, camera: Camera, errors: CameraErrors) -> None:
         super().__init__(camera, errors.focal_scale)
         self.errors = errors
+        self._bounced: tuple[View, Floats] | None = None
 
     def view(self, scene: Scene, glass: Scene | None, map_from_camera: Floats) -> View:
         """Return what there is to see from a pose of the optical frame."""
@@ -98,18 +103,48 @@ class DepthCamera(Lens):
 
     def depth(
         self, view: View, rng: np.random.Generator, *, progress: float = 0.5
-    ) -> NDArray[np.uint16]:
-        """Return one (height, width) image in millimetres, 0 where nothing was measured.
+    ) -> NDArray[np.uint16] | NDArray[np.float32]:
+        """Return one (height, width) image: whole millimetres, 0 where nothing was measured.
 
-        ``progress`` is the part of the drive that is done: a camera that warms up drifts.
+        Or, encoded as 32FC1, metres and NaN. ``progress`` is the part of the drive that is done: a
+        camera that warms up drifts.
         """
-        depth, missing = structured_light.read(self, view, rng)
+        depth, missing = self._read(view, rng)
         if self.errors.bend:
             depth *= self.errors.bend.multiplier(depth)
+        if any(self.errors.corners):
+            depth -= self._nearer_corners
         scale = self.errors.depth_scale + self.errors.warming * (progress - 0.5)
+        if self.settings.encoding == "32FC1":
+            metres = np.where(missing, np.nan, depth * scale)
+            return metres.astype(np.float32).reshape(self.height, self.width)
         millimetres = np.rint(depth * scale * 1000)
         millimetres[missing | (millimetres > 65535)] = 0
         return millimetres.astype(np.uint16).reshape(self.height, self.width)
+
+    def _read(self, view: View, rng: np.random.Generator) -> tuple[Floats, NDArray[np.bool_]]:
+        if self.settings.principle == "stereo":
+            return stereo.read(self, view, rng)
+        if self.settings.principle == "structured_light":
+            return structured_light.read(self, view, rng)
+        if self.settings.multipath and (self._bounced is None or self._bounced[0] is not view):
+            self._bounced = view, time_of_flight.multipath_of(self, view)
+        bounced = self._bounced[1] if self._bounced else None
+        return time_of_flight.read(self, view, rng, multipath=bounced)
+
+    @cached_property
+    def _nearer_corners(self) -> Floats:
+        """How much nearer (height x width,) the corners' outermost pixels read, metres."""
+        reach = self.settings.corner_px * self.width / 640
+        across, down = (
+            (self.width - 1) * np.array([0, 1, 0, 1]),
+            (self.height - 1) * np.array([0, 0, 1, 1]),
+        )
+        nearer = np.zeros(self.width * self.height)
+        for u, v, most in zip(across, down, self.errors.corners, strict=True):
+            away = np.hypot(*(self.pixels - (u, v)).T)
+            nearer += most * np.maximum(1 - away / reach, 0.0)
+        return nearer
 
     def colour(self, view: View, rng: np.random.Generator) -> NDArray[np.uint8]:
         """Return one (height, width, 3) picture, shaded by the surfaces' attitude."""

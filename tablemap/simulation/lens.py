@@ -28,6 +28,9 @@ class Lens:
                 [0.0, 0.0, 1.0],
             ]
         )
+        if camera.intrinsics:
+            fx, fy, cx, cy = camera.intrinsics
+            self.recorded_k = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
         self.k = self.recorded_k * [[focal_scale], [focal_scale], [1.0]]
         self.k[:2, 2] = self.recorded_k[:2, 2]
 

@@ -28,8 +28,9 @@ class Mesh:
 class Part:
     """A mesh and what it is made of.
 
-    ``reflectance`` (0 to 1) and ``gloss`` decide whether depth is measured at all; ``glass`` lets
-    the laser pass and gives the depth camera little. ``colour`` is for the picture.
+    ``reflectance`` (0 to 1) and ``gloss`` decide whether depth is measured at all, ``texture`` (0
+    to 1) whether stereo can match it; ``glass`` lets the laser pass and gives the depth camera
+    little. ``colour`` is for the picture.
     """
 
     mesh: Mesh
@@ -37,6 +38,7 @@ class Part:
     reflectance: float = 0.6
     gloss: float = 0.0
     glass: bool = False
+    texture: float = 0.9
 
     def of(self, mesh: Mesh) -> Part:
         """Return another mesh made of the same."""

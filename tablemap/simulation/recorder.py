@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,12 +20,15 @@ from tablemap.geometry import Floats
 from tablemap.simulation import laser as scanner
 from tablemap.simulation.camera import map_from, recorded_mounting
 from tablemap.simulation.ros import Messages, Profile
+from tablemap.simulation.scenario import Camera
 from tablemap.simulation.scene import Scene
 from tablemap.simulation.simulation import Simulation
 from tablemap.simulation.view import View
 
 CAMERA_FRAME = "head_rgbd_sensor_rgb_frame"
 LASER_FRAME = "base_range_sensor_link"
+_QUANTISATION, _DEEPEST = 100.0, 10.0
+"""The transport's own, of depth in metres."""
 _LATENCY = 0.03  # seconds from a message's stamp to its entry in the log
 _TYPES = {
     "tf": "tf2_msgs/msg/TFMessage",
@@ -61,7 +65,7 @@ def write(simulation: Simulation, path: Path, *, profile: Profile = "ros1") -> N
 
 def _write_mcap(simulation: Simulation, path: Path, profile: Profile) -> None:
     messages = Messages(profile)
-    topics = _topics(profile, rectified=not any(simulation.scenario.camera.distortion))
+    topics = _topics(profile, simulation.scenario.camera)
     with path.open("wb") as stream:
         # Chunks of a few images: a reader that takes one need not unpack a megabyte of scans.
         writer = Writer(stream, chunk_size=512 * 1024, compression=CompressionType.ZSTD)
@@ -82,10 +86,14 @@ def _write_mcap(simulation: Simulation, path: Path, profile: Profile) -> None:
         writer.finish()  # type: ignore[no-untyped-call]
 
 
-def _topics(profile: Profile, *, rectified: bool) -> dict[str, str]:
+def _topics(profile: Profile, camera: Camera) -> dict[str, str]:
+    rectified = not any(camera.distortion)
     prefix = "/hsrb" if profile == "ros1" else ""
     head = f"{prefix}/head_rgbd_sensor"
-    depth = f"{head}/depth_registered/" + ("image_rect_raw" if rectified else "image_raw")
+    name = "image_rect_raw" if rectified else "image_raw"
+    if camera.encoding == "32FC1":
+        name = "image"
+    depth = f"{head}/depth_registered/{name}"
     colour = f"{head}/rgb/" + ("image_rect_color" if rectified else "image_raw")
     return {
         "tf": "/tf",
@@ -183,9 +191,7 @@ class _Pictures:
         if robot.depth_transport == "raw":
             yield "raw", messages.image(stamp_ns, CAMERA_FRAME, depth)
         else:
-            # compressed_depth_image_transport: twelve bytes of header, then a PNG.
-            data = bytes(12) + _encoded(depth, "PNG", compress_level=4)
-            encoding = "16UC1; compressedDepth png"
+            encoding, data = _compressed(depth)
             yield "compressed", messages.compressed_image(stamp_ns, CAMERA_FRAME, encoding, data)
         rest = simulation.rest_at(second)
         if robot.colour and rest not in self._colour_given:
@@ -245,6 +251,24 @@ def _poses(simulation: Simulation, messages: Messages) -> list[bytes]:
 def _planar(pose: Floats) -> tuple[Floats, Floats]:
     half = pose[2] / 2
     return np.array([pose[0], pose[1], 0.0]), np.array([0.0, 0.0, np.sin(half), np.cos(half)])
+
+
+def _compressed(depth: NDArray[np.uint16] | NDArray[np.float32]) -> tuple[str, bytes]:
+    """Return format and data as compressed_depth_image_transport has them.
+
+    Twelve bytes of header, then a PNG: of the millimetres, or of A / z + B, which is the inverse
+    depth in steps that are finest near by.
+    """
+    if depth.dtype == np.uint16:
+        millimetres = depth.astype(np.uint16, copy=False)
+        png = _encoded(millimetres, "PNG", compress_level=4)
+        return "16UC1; compressedDepth png", bytes(12) + png
+    a = _QUANTISATION * (_QUANTISATION + 1)
+    b = 1 - a / _DEEPEST
+    known = np.isfinite(depth) & (depth > 0) & (depth < _DEEPEST)
+    steps = np.where(known, np.rint(a / np.where(known, depth, 1.0) + b), 0).astype(np.uint16)
+    header = struct.pack("<iff", 0, a, b)
+    return "32FC1; compressedDepth png", header + _encoded(steps, "PNG", compress_level=4)
 
 
 def _encoded(

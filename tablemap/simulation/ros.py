@@ -116,17 +116,21 @@ class Messages:
         )
         return self._serialised(message, name)
 
-    def image(self, stamp_ns: int, frame: str, depth: NDArray[np.uint16]) -> bytes:
-        """Serialise a raw 16UC1 image."""
+    def image(
+        self, stamp_ns: int, frame: str, depth: NDArray[np.uint16] | NDArray[np.float32]
+    ) -> bytes:
+        """Serialise a raw image: 16UC1 of whole millimetres, 32FC1 of metres."""
         name = "sensor_msgs/msg/Image"
         message = self._type(name)(
             header=self._header(stamp_ns, frame),
             height=depth.shape[0],
             width=depth.shape[1],
-            encoding="16UC1",
+            encoding="16UC1" if depth.dtype == np.uint16 else "32FC1",
             is_bigendian=0,
-            step=2 * depth.shape[1],
-            data=np.frombuffer(depth.astype("<u2").tobytes(), dtype=np.uint8),
+            step=depth.itemsize * depth.shape[1],
+            data=np.frombuffer(
+                depth.astype(depth.dtype.newbyteorder("<")).tobytes(), dtype=np.uint8
+            ),
         )
         return self._serialised(message, name)
 

@@ -62,6 +62,7 @@ class Table(Section):
     cloth: float = Field(default=0.0, ge=0, description="how far a table cloth hangs down")
     reflectance: float = Field(default=0.6, gt=0, le=1)
     gloss: float = Field(default=0.0, ge=0, le=1, description="share of the top without depth")
+    texture: float = Field(default=0.9, ge=0, le=1, description="what stereo can match of the top")
     colour: tuple[float, float, float] = (0.72, 0.55, 0.36)
     legs: Legs = Legs()
     pose: tuple[float, float, float] | None = Field(default=None, description="None: drawn")
@@ -133,8 +134,14 @@ class Robot(Section):
 
 
 class Camera(Section):
-    """Errors of the depth camera. ``noise`` multiplies what varies from pixel to pixel."""
+    """The depth camera, by its principle, and its errors.
 
+    ``noise`` multiplies what varies from pixel to pixel. ``flying``, ``multipath`` and ``lit_deg``
+    are for time of flight, ``fattening_px`` and ``holes`` for stereo; each is what such cameras
+    do, and 0 switches it off.
+    """
+
+    principle: Literal["structured_light", "time_of_flight", "stereo"] = "structured_light"
     noise: float = Field(default=1.0, ge=0)
     scale_sigma: float = Field(default=0.003, ge=0)
     pitch_sigma_deg: float = Field(default=0.15, ge=0)
@@ -159,6 +166,25 @@ class Camera(Section):
     )
     warming_sigma: float = Field(
         default=0.0, ge=0, description="share by which depth's scale drifts over the drive"
+    )
+    corner_nearer: float = Field(
+        default=0.0, description="by which the outermost pixels of the corners read nearer"
+    )
+    corner_px: float = Field(default=20.0, gt=0, description="from a corner, of 640 in a row")
+    flying: float = Field(
+        default=0.6, ge=0, le=1, description="share of mixed pixels that are kept"
+    )
+    multipath: float = Field(
+        default=0.3, ge=0, description="share of a bounce's light that passes for direct light"
+    )
+    lit_deg: float = Field(default=0.0, ge=0, lt=90, description="half of the lit cone; 0: all")
+    fattening_px: float = Field(default=1.0, ge=0, le=2)
+    holes: float = Field(default=1.0, ge=0, le=1, description="where there is no texture")
+    intrinsics: tuple[float, float, float, float] | None = Field(
+        default=None, description="fx, fy, cx, cy in pixels; None: the HSR's"
+    )
+    encoding: Literal["16UC1", "32FC1"] = Field(
+        default="16UC1", description="millimetres and 0, or metres and NaN"
     )
     baseline: float = Field(default=0.075, gt=0, description="from the camera to its second eye")
     width: int = Field(default=640, ge=32)

@@ -152,6 +152,7 @@ class Simulation:
                 "camera_z": camera.z,
                 "bend": camera.bend.truth() if camera.bend else None,
                 "warming": camera.warming,
+                "corners": camera.corners,
                 **self.attitude.truth(),
                 "laser_range_scale": laser.scale,
                 "laser_range_bias": laser.bias,

@@ -74,7 +74,7 @@ def table_parts(table: Table, top: Top, legs: list[Leg]) -> list[Part]:
     slab = plate(top.outline, under, top.height, edge=table.edge, edge_size=table.edge_size)
     if table.cloth:
         slab = _cloth(top, table.cloth)
-    parts = [Part(slab, table.colour, table.reflectance, table.gloss)]
+    parts = [Part(slab, table.colour, table.reflectance, table.gloss, texture=table.texture)]
     if table.apron:
         outer = inset(top.outline, table.apron_inset)
         inner = inset(top.outline, table.apron_inset + _APRON_THICKNESS)

@@ -42,10 +42,20 @@ def stamp_ns(message: Any) -> int:
 
 
 def depth_millimetres(message: Any) -> NDArray[np.uint16]:
-    """Decode a depth image, compressed or raw."""
+    """Decode a depth image of millimetres, compressed or raw."""
+    assert (message.format if hasattr(message, "format") else message.encoding)[:5] == "16UC1"
+    return np.asarray(depth_steps(message)).astype(np.uint16)
+
+
+def depth_steps(message: Any) -> NDArray[np.uint16] | NDArray[np.float32]:
+    """Decode a depth image's own values: millimetres, metres, or steps of the inverse depth.
+
+    0 or NaN where nothing was measured.
+    """
     if hasattr(message, "format"):
         return np.asarray(Image.open(io.BytesIO(message.data.tobytes()[12:]))).astype(np.uint16)
-    return np.asarray(message.data.view("<u2").reshape(message.height, message.width))
+    kind = "<u2" if message.encoding == "16UC1" else "<f4"
+    return np.asarray(message.data.view(kind).reshape(message.height, message.width))
 
 
 def transforms(messages: dict[str, list[tuple[int, Any]]]) -> dict[str, dict[int, Floats]]:

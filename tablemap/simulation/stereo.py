@@ -1,0 +1,89 @@
+"""Stereo: two cameras side by side, matched in windows, as RealSense, OAK and ZED cameras do.
+
+Depth is f b / d, so that noise and steps of the disparity d grow with the distance's square
+(Keselman et al. 2017, "Intel RealSense Stereoscopic Depth Cameras": a tenth of a pixel or less). A
+window that holds an edge takes the nearer surface's disparity, which fattens what is in front; what
+has no texture is not matched.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tablemap.geometry import Floats
+from tablemap.simulation.image_noise import blobs, window_noise
+from tablemap.simulation.lens import Lens
+from tablemap.simulation.view import View, hidden_from, in_front, look_beside
+
+_DISPARITY_SIGMA = 0.08
+_DISPARITY_STEP = 1 / 32
+_RAGGED = 0.4  # pixels: how the seam of what is fattened wanders
+_NEAREST = 0.3
+_AROUND = np.array(
+    [[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1], [0.7, 0.7], [-0.7, 0.7], [0.7, -0.7], [-0.7, -0.7]]
+)
+
+
+def read(lens: Lens, view: View, rng: np.random.Generator) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return an image's depths (n,) in metres and where nothing was matched."""
+    settings = lens.settings
+    depth, parts = view.depth.copy(), view.parts.copy()
+    missing = ~np.isfinite(depth) | (depth < _NEAREST)
+    noise = window_noise(lens, rng) if settings.noise or settings.fattening_px else None
+    if noise is not None:
+        _fatten(lens, view, depth, parts, missing, noise)
+    if settings.dropouts:
+        missing |= hidden_from(lens, depth, settings.baseline)
+        missing |= _unmatched(lens, view, depth, parts, rng)
+    depth[missing] = 1.0
+    if settings.noise:
+        own = window_noise(lens, rng)[:, 0]
+        focal_times_baseline = lens.k[0, 0] * settings.baseline
+        disparity = focal_times_baseline / depth + settings.noise * _DISPARITY_SIGMA * own
+        steps = np.maximum(np.rint(disparity / _DISPARITY_STEP), 1)
+        depth = focal_times_baseline / (steps * _DISPARITY_STEP)
+    return depth, missing
+
+
+def _fatten(
+    lens: Lens,
+    view: View,
+    depth: Floats,
+    parts: NDArray[np.int32],
+    missing: NDArray[np.bool_],
+    noise: Floats,
+) -> None:
+    """Give pixels near depth edges the nearest surface that a window round them holds."""
+    where = view.edges
+    if len(where) == 0:
+        return
+    settings = lens.settings
+    reach = settings.fattening_px + settings.noise * _RAGGED * noise[where, 0]
+    reach = np.clip(reach, 0.0, 2.0)[:, None, None]
+    beside = look_beside(lens, view, where, lens.pixels[where][:, None, :] + reach * _AROUND)
+    nearest, near = in_front(beside.depth)
+    row, front = np.arange(len(where)), beside.depth.argmin(axis=1)
+    finite = np.where(np.isfinite(beside.depth), beside.depth, 0.0)
+    value = np.sum(finite * near, axis=1) / np.maximum(near.sum(axis=1), 1)
+    # Where the pixel's own ray met the front, it keeps its own depth.
+    value = np.where(near[:, 0], beside.depth[:, 0], value)
+    depth[where] = np.where(np.isfinite(nearest), value, np.inf)
+    parts[where] = np.where(near[:, 0], beside.parts[:, 0], beside.parts[row, front])
+    missing[where] = ~np.isfinite(depth[where]) | (depth[where] < _NEAREST)
+
+
+def _unmatched(
+    lens: Lens, view: View, depth: Floats, parts: NDArray[np.int32], rng: np.random.Generator
+) -> NDArray[np.bool_]:
+    """Draw where nothing was matched: without texture, glancing, far, or in one image alone."""
+    texture = np.array([part.texture for part in view.scene.parts] + [0.0])[parts]
+    gloss = np.array([part.gloss for part in view.scene.parts] + [0.0])[parts]
+    far = np.where(np.isfinite(depth), depth, 20.0)
+    outside = lens.pixels[:, 0] < lens.k[0, 0] * lens.settings.baseline / far
+    lost = 0.002 + 1 / (1 + np.exp((view.cosine - 0.1) / 0.02)) + 0.6 * view.behind_glass
+    missing = outside | (rng.random(len(depth), dtype=np.float32) < lost)
+    holes = np.maximum(gloss, lens.settings.holes * (1 - texture))
+    if holes.any():
+        missing |= blobs(lens, rng) < holes
+    return np.asarray(missing)
