@@ -17,6 +17,7 @@ from shapely.geometry import LineString, Point, Polygon
 
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats, Pose2
+from tablemap.model.outlines import simple_polygon
 from tablemap.stages.legs import Legs, is_standing
 from tablemap.stages.outline import Outline, ViewEdges
 from tablemap.stages.surface import Surface
@@ -69,7 +70,7 @@ def find_adjoining(
     Cuts begin at corners that point inwards; measured legs count (`legs.is_standing`). The table is
     the part at ``near``, else the larger.
     """
-    outline = shapely.simplify(Polygon(surface.outline).buffer(0), _STRAIGHT)
+    outline = shapely.simplify(simple_polygon(surface.outline), _STRAIGHT)
     places = np.array([(leg.x, leg.y) for leg in legs.legs if leg.status == "measured"])
     if not isinstance(outline, Polygon) or len(places) < _FEWEST:
         return None

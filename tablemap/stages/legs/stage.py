@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from shapely.geometry import Polygon
 from threadpoolctl import threadpool_limits
 
 from tablemap.config import LegsConfig, SensorsConfig
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats, Pose2
+from tablemap.model.outlines import simple_polygon
 from tablemap.recording import Recording
 from tablemap.stages.legs.candidates import Candidate, find_candidates, judge
 from tablemap.stages.legs.depth import Reach, find_posts, reach
@@ -49,7 +49,7 @@ def find_legs(
         for index, pose in enumerate(registration.map_from_base)
         if registration.used[index] and index < len(snapshots)
     }
-    polygon = Polygon(surface.outline).buffer(0)
+    polygon = simple_polygon(surface.outline)
     if polygon.is_empty or not poses:
         warnings.append(_warning("legs.none_found", "No view or no outline to look for legs with."))
         return Legs((), (), np.zeros((0, 2)), tuple(warnings))

@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from shapely.geometry import Polygon
+from shapely.geometry import Point, Polygon
 
 from tablemap.config import LegsConfig, SensorsConfig
 from tablemap.geometry import Floats, Pose2
+from tablemap.model.outlines import simple_polygon
 from tablemap.stages.legs import Leg, Legs, find_legs
+from tablemap.stages.legs.adjoining import find_adjoining
 from tablemap.stages.legs.depth import Reach
 from tablemap.stages.legs.layout import Frame
 from tablemap.stages.legs.missing import infer_missing
@@ -62,6 +64,22 @@ def test_four_round_legs_are_placed_to_millimetres() -> None:
         assert diameter.value == pytest.approx(0.05, abs=0.002)
         assert diameter.sigma is not None and diameter.sigma < 0.003
         assert leg.position_sigma is not None and 0.0003 < leg.position_sigma < 0.004
+
+
+@pytest.mark.parametrize("cross", [(0, 1, 3, 2), (0, 2, 1, 3)])
+def test_an_outline_that_crosses_itself_is_looked_under(cross: tuple[int, ...]) -> None:
+    """A bow tie, as a failed fit may leave it, has legs looked for under its larger part."""
+    scene = Scene(table=TABLE, walls=ROOM)
+    scene.circles = [(x, y, 0.025) for x, y in four(scene)]
+    recording, snapshots, registration, surface = drive(scene, np.random.default_rng(0))
+    crossed = replace(surface, outline=surface.outline[list(cross)])
+    assert not Polygon(crossed.outline).is_valid
+    legs = find_legs(
+        recording, snapshots, registration, crossed, config=LegsConfig(), sensors=SENSORS
+    )
+    assert find_adjoining(crossed, legs) is None
+    under = simple_polygon(crossed.outline).buffer(0.05)
+    assert all(under.contains(Point(leg.x, leg.y)) for leg in legs.legs)
 
 
 def test_square_legs_are_told_from_round_ones() -> None:
