@@ -157,6 +157,8 @@ WRONG: dict[str, Callable[[Path], object]] = {
     "load_config: deep": lambda folder: tablemap.load_config(folder / "deep"),
     "load_config: NaN": lambda _: tablemap.load_config(overrides=["export.padding=nan"]),
     "load_config: no pair": lambda _: tablemap.load_config(overrides=["seed"]),
+    "Config: range": lambda _: tablemap.Config(seed=-1),
+    "Config: unknown": lambda _: tablemap.Config(sed=1),  # type: ignore[call-arg]
     "load_run: missing": lambda _: tablemap.load_run(NOWHERE),
     "load_run: no run": lambda folder: tablemap.load_run(folder),
     "load_run: no text": lambda folder: tablemap.load_run(folder / "damaged"),

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from collections.abc import Mapping, Sequence
 from typing import Any
-
-from pydantic import BaseModel, ValidationError
-from pydantic.fields import FieldInfo
 
 from tablemap.config.tree import Config
 from tablemap.errors import ConfigError
@@ -168,10 +164,7 @@ def load_config(file: AnyPath | None = None, *, overrides: Sequence[str] = ()) -
             if not isinstance(branch, dict):
                 raise ConfigError(f"{section!r} in {name!r} is a value, not a section.")
         branch[key] = _parse_value(text.strip())
-    try:
-        return Config.model_validate(tree)
-    except ValidationError as error:
-        raise ConfigError(_explain(error)) from error
+    return Config.model_validate(tree)
 
 
 def _parse_value(text: str) -> object:
@@ -192,22 +185,3 @@ def _renamed(old: str) -> str:
     if is_constant:
         return f"{old} is a constant now: {name} in tablemap/{file}"
     return f"{old} is now {RENAMED[old]}"
-
-
-def _explain(error: ValidationError) -> str:
-    """Say the first thing that is wrong, with the nearest name for one that is unknown."""
-    first = error.errors()[0]
-    path = [str(part) for part in first["loc"]]
-    name = ".".join(path)
-    if first["type"] != "extra_forbidden":
-        reason = first["msg"][0].lower() + first["msg"][1:]
-        return f"{name} = {first['input']!r} is not allowed: {reason}."
-    fields: Mapping[str, FieldInfo] = Config.model_fields
-    for part in path[:-1]:
-        section = fields[part].annotation
-        if not (isinstance(section, type) and issubclass(section, BaseModel)):
-            break
-        fields = section.model_fields
-    near = difflib.get_close_matches(path[-1], list(fields), n=1, cutoff=0.0)
-    prefix = "".join(f"{part}." for part in path[:-1])
-    return f"there is no setting {name!r}; the nearest is {prefix + near[0]!r}."

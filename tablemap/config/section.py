@@ -1,11 +1,34 @@
-"""What every group of settings is."""
+"""What every group of settings is, and what is said of a setting that cannot be."""
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict
+import difflib
+from collections.abc import Mapping
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic.fields import FieldInfo
 
 
 class Section(BaseModel):
     """A group of settings: frozen, and closed to unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+def explain(error: ValidationError, root: type[Section]) -> str:
+    """Say the first thing that is wrong, with the nearest name for one that is unknown."""
+    first = error.errors()[0]
+    path = [str(part) for part in first["loc"]]
+    name = ".".join(path)
+    if first["type"] != "extra_forbidden":
+        reason = first["msg"][0].lower() + first["msg"][1:]
+        return f"{name} = {first['input']!r} is not allowed: {reason}."
+    fields: Mapping[str, FieldInfo] = root.model_fields
+    for part in path[:-1]:
+        section = fields[part].annotation
+        if not (isinstance(section, type) and issubclass(section, BaseModel)):
+            break
+        fields = section.model_fields
+    near = difflib.get_close_matches(path[-1], list(fields), n=1, cutoff=0.0)
+    prefix = "".join(f"{part}." for part in path[:-1])
+    return f"there is no setting {name!r}; the nearest is {prefix + near[0]!r}."

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from pydantic import Field
+from typing import Any, Self
+
+from pydantic import Field, ModelWrapValidatorHandler, ValidationError, model_validator
 
 from tablemap.config.calibration import CalibrationConfig
 from tablemap.config.crosscheck import CrossCheckConfig
@@ -14,16 +16,20 @@ from tablemap.config.outline import OutlineConfig
 from tablemap.config.registration import RegistrationConfig
 from tablemap.config.report import ReportConfig
 from tablemap.config.review import ReviewConfig
-from tablemap.config.section import Section
+from tablemap.config.section import Section, explain
 from tablemap.config.segmentation import SegmentationConfig
 from tablemap.config.sensors import SensorsConfig
 from tablemap.config.snapshots import SnapshotsConfig
 from tablemap.config.surface import SurfaceConfig
 from tablemap.config.topics import TopicsConfig
+from tablemap.errors import ConfigError
 
 
 class Config(Section):
-    """Everything that decides a run's result, apart from the recording."""
+    """Everything that decides a run's result, apart from the recording.
+
+    Raises `ConfigError` for a setting that is unknown or out of its range.
+    """
 
     seed: int = Field(
         default=0,
@@ -45,3 +51,11 @@ class Config(Section):
     export: ExportConfig = ExportConfig()
     report: ReportConfig = ReportConfig()
     limits: LimitsConfig = LimitsConfig()
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _say_what_is_wrong(cls, tree: Any, validated: ModelWrapValidatorHandler[Self]) -> Self:
+        try:
+            return validated(tree)
+        except ValidationError as error:
+            raise ConfigError(explain(error, cls)) from error
