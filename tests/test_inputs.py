@@ -99,7 +99,7 @@ def table_of(tmp_path: Path, *arguments: object) -> bytes:
 
 @pytest.mark.slow
 def test_every_container_gives_the_same_table(tmp_path: Path, plain_recording: Path) -> None:
-    """ROS 2 as one MCAP, as a folder with a database of packed messages, and as two files."""
+    """ROS 2 as one MCAP, as a database of packed messages, as two files, and converted."""
     packed = tmp_path / "packed"
     copy_to_bag2(
         plain_recording,
@@ -115,6 +115,9 @@ def test_every_container_gives_the_same_table(tmp_path: Path, plain_recording: P
         copy_to_bag2(plain_recording, tmp_path / "second", keep=lambda time: time >= middle),
     ]
     table = table_of(tmp_path, plain_recording)
+    copy = tmp_path / "copy.mcap"
+    assert tablemap("convert", *halves, "-o", copy).returncode == 0
+    assert table_of(tmp_path, copy) == table
     assert table_of(tmp_path, packed) == table
     assert table_of(tmp_path, "--together", *halves) == table
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from tablemap.cli.app import app, main
 from tablemap.cli.config import config
+from tablemap.cli.convert import convert
 from tablemap.cli.evaluate import evaluate
 from tablemap.cli.export import ListsFormats, export
 from tablemap.cli.info import info
@@ -17,7 +18,7 @@ from tablemap.cli.view import view
 
 __all__ = ["app", "main"]
 
-for command in (process, info, view, export, simulate, evaluate, config):
+for command in (process, info, convert, view, export, simulate, evaluate, config):
     app.command(cls=ListsFormats if command in (export, process) else None)(command)
 app.add_typer(
     runs_app, name="runs", help="List, compare, check, repeat, remove, move and serve runs."

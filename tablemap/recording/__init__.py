@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from tablemap.inputs import sha256
+from tablemap.recording.converting import Conversion, convert
 from tablemap.recording.info import RecordingInfo, inspect
 from tablemap.recording.messages import (
     CameraInfo,
@@ -17,6 +18,7 @@ from tablemap.recording.tf.frame_roles import FrameNames
 __all__ = [
     "CameraInfo",
     "CompressedImage",
+    "Conversion",
     "DepthFrame",
     "FrameNames",
     "Image",
@@ -24,6 +26,7 @@ __all__ = [
     "Recording",
     "RecordingInfo",
     "TransformStamped",
+    "convert",
     "inspect",
     "open_recording",
     "sha256",

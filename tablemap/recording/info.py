@@ -12,6 +12,7 @@ import numpy as np
 from tablemap.config import LimitsConfig, TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.inputs import AnyInput, Input
+from tablemap.recording.carried import carried_warnings
 from tablemap.recording.decoding import Decoder, DecodingError, Message
 from tablemap.recording.depth import decode_depth, depth_encoding
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
@@ -122,6 +123,7 @@ def inspect(
     warnings: list[ProcessWarning] = []
     with closing(open_source(given, warnings=warnings, limits=limits)) as whole:
         source = windowed(whole, config.start, config.end)
+        warnings += carried_warnings(source)
         known = list_topics(source, limits)
         names = sorted({channel.topic for channel in source.channels.values()})
         roles, choices = find_roles(known, config, all_names=names)
@@ -154,7 +156,7 @@ def inspect(
         frames_sampled=sampled,
         frame_roles=frame_roles,
         missing=tuple(missing),
-        warnings=(*warnings, *choices),
+        warnings=(*warnings, *(choice for choice in choices if choice not in warnings)),
     )
 
 

@@ -14,6 +14,7 @@ from tablemap.config import LimitsConfig, TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.geometry import Floats, invert
 from tablemap.inputs import AnyInput, Input
+from tablemap.recording.carried import carried_warnings
 from tablemap.recording.channels import Channels, Stamped, Stamps, only
 from tablemap.recording.decoding import DecodingError
 from tablemap.recording.depth import decode_depth
@@ -75,8 +76,9 @@ class Recording:
         self.source = source
         self.warnings = warnings
         self._said: set[str] = set()
+        self.warnings.extend(carried_warnings(source))
         self.roles, choices = _roles(source, topics, limits)
-        self.warnings.extend(choices)
+        self.warnings.extend(choice for choice in choices if choice not in self.warnings)
         assert self.roles.depth is not None
         assert self.roles.calibration is not None
         self._channels = Channels(source, self.roles, limits=limits, say=self._say_once)

@@ -1,0 +1,31 @@
+"""What was said of a recording before it was converted: a message that the copy carries along."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from tablemap.errors import WARNING_CODES, ProcessWarning
+from tablemap.recording.raw import Source
+
+TOPIC, SCHEMA = "/tablemap/converted", "tablemap.Converted"
+
+
+def carried_warnings(source: Source) -> list[ProcessWarning]:
+    """Return what was said of the original of a converted recording; nothing of any other."""
+    channels = [id for id, channel in source.channels.items() if channel.schema_name == SCHEMA]
+    found: list[ProcessWarning] = []
+    for message in source.messages(channels) if channels else ():
+        try:
+            said: Any = json.loads(bytes(message.data))
+            found += [_warning(**each) for each in said["warnings"]]
+        except (ValueError, KeyError, TypeError):
+            words = "What was said of the recording before it was converted cannot be read."
+            found.append(ProcessWarning("recording.damaged", "recording", words))
+    return found
+
+
+def _warning(code: str, stage: str, message: str, stamp_ns: int | None) -> ProcessWarning:
+    if code not in WARNING_CODES or not isinstance(message, str):
+        raise ValueError(code)
+    return ProcessWarning(code, str(stage), message, None if stamp_ns is None else int(stamp_ns))
