@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
 from tablemap.geometry import Floats, Pose2
+from tablemap.inputs import Input
 from tablemap.recording import FrameNames, Recording
 from tablemap.recording.messages import Image, LaserScan
 from tablemap.stages.odometry import Trajectory
@@ -105,7 +105,7 @@ class FakeRecording(Recording):
     """A recording that holds its scans in memory."""
 
     def __init__(self, scans: list[LaserScan], *, laser: bool = True) -> None:
-        self.path = Path("fake.mcap")
+        self.input = Input.of("fake.mcap")
         self.names = FrameNames("map", "odom", "base", "camera", "laser" if laser else None)
         self.warnings = []
         self.all = scans

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import MISSING, fields, replace
-from pathlib import Path
 from typing import Any, TypeVar, get_origin, get_type_hints
 
 import numpy as np
@@ -15,6 +14,7 @@ from tablemap import pipeline
 from tablemap.errors import ProcessWarning
 from tablemap.events import OfTable, OtherTable, StageFinished, StageStarted
 from tablemap.geometry import Floats, Pose2
+from tablemap.inputs import Input
 from tablemap.recording import DepthFrame, FrameNames, Recording
 from tablemap.recording.messages import CompressedImage, Image, LaserScan
 from tablemap.review.images import encode_depth
@@ -114,7 +114,7 @@ class MadeUpRecording(Recording):
 
     def __init__(self, *, stops: int = 8, seed: int = 1) -> None:
         rng = np.random.default_rng(seed)
-        self.path = Path("made_up.mcap")
+        self.input = Input.of("made_up.mcap")
         self.names = FrameNames("map", "odom", "base_footprint", "head_camera", "laser")
         self.stops = stops
         self.start_ns = START_NS
