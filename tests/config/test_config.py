@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from tablemap.config import Config, dump_config, load_config
@@ -94,6 +94,20 @@ def test_a_setting_that_became_a_constant_says_where() -> None:
         load_config(overrides=["crosscheck.reach=0.1"])
     place = "_REACH in tablemap/stages/crosscheck/edges.py"
     assert str(caught.value) == f"crosscheck.reach is a constant now: {place}."
+
+
+SECTIONS = [name for name in Config.model_fields if name != "seed"]
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_a_section_is_frozen_and_closed(section: str) -> None:
+    """What decides a run's result does not change under it, nor is a wrong name passed over."""
+    settings = getattr(Config(), section)
+    name = next(iter(type(settings).model_fields))
+    with pytest.raises(ValidationError, match="frozen"):
+        setattr(settings, name, getattr(settings, name))
+    with pytest.raises(ValidationError, match="not permitted"):
+        type(settings).model_validate({"nonsense": 1})
 
 
 def test_no_setting_has_an_old_name() -> None:
