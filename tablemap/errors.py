@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 
@@ -25,10 +27,16 @@ class ExternalToolError(TablemapError):
     """Another program (the viewer, a graphics driver, a network port) is missing or failed."""
 
 
+LOSSES = ("recording.truncated", "recording.damaged")
+"""Warnings that not all of a recording could be read; they make a run ``partial``."""
+
 WARNING_CODES: dict[str, str] = {
     "recording.truncated": "The file was cut short; what could be read was used.",
     "recording.damaged": (
-        "A chunk or message failed its checksum or could not be decoded and was left out."
+        "A part failed its checksum or could not be decoded; what makes no sense was left out."
+    ),
+    "recording.silent_sensor": (
+        "A sensor's messages say nothing, or something that cannot be; it was done without."
     ),
     "recording.topic_choice": "Several topics fitted a role; one was chosen.",
     "snapshots.set_aside": "Depth images became no snapshot.",
@@ -125,3 +133,24 @@ class ProcessWarning:
     def __post_init__(self) -> None:
         if self.code not in WARNING_CODES:
             raise ValueError(f"undocumented warning code {self.code!r}")
+
+
+def with_damage(sentence: str, warnings: Sequence[ProcessWarning]) -> str:
+    """Return why there is no result, and that the recording is damaged where it is."""
+    lost = [warning.message for warning in warnings if warning.code in LOSSES]
+    if not lost or lost[0] in sentence:
+        return sentence
+    more = f" (and {len(lost) - 1} more)" if len(lost) > 1 else ""
+    return f"{sentence} The recording is damaged, which may be why: {lost[0]}{more}"
+
+
+@contextmanager
+def damage_named(warnings: Sequence[ProcessWarning]) -> Iterator[None]:
+    """Let a refusal that is raised within say that the recording is damaged, where it is."""
+    try:
+        yield
+    except (RecordingError, EstimationError) as error:
+        sentence = with_damage(str(error), warnings)
+        if sentence == str(error):
+            raise
+        raise type(error)(sentence) from error

@@ -13,7 +13,7 @@ from typing import Literal
 from threadpoolctl import threadpool_limits
 
 from tablemap.config import Config
-from tablemap.errors import ConfigError, EstimationError
+from tablemap.errors import ConfigError, EstimationError, damage_named
 from tablemap.events import OtherTable, Record, StageFinished, StageStarted, ignore, of_table
 from tablemap.model import TableModel
 from tablemap.recording import Recording
@@ -68,7 +68,7 @@ def process(
     `EstimationError` where there is no model to be had, and `ConfigError` for no such tables.
     """
     # One thread: faster round small solves, and the same sums in the same order on every run.
-    with threadpool_limits(limits=1):
+    with threadpool_limits(limits=1), damage_named(recording.warnings):
         return _process(recording, config or Config(), check_tables(tables), record)
 
 

@@ -45,6 +45,8 @@ def main() -> None:
 def _sentence(error: Exception) -> str:
     if isinstance(error, TablemapError):
         return str(error)
+    if isinstance(error, MemoryError):
+        return "the memory does not suffice; free some, or lower the settings of [limits]."
     if isinstance(error, OSError) and error.strerror:  # the disk's word, met outside a run
         return f"{error.strerror}{f': {error.filename}' if error.filename else '.'}"
     return (

@@ -82,7 +82,7 @@ class LimitsConfig(Section):
         "read, with more memory and time",
     )
     message_parts: int = Field(
-        default=1_000_000,
+        default=500_000,
         gt=0,
         description="elements; most of the lists of one message. Higher: larger files are "
         "read, with more memory and time",
@@ -110,6 +110,12 @@ class LimitsConfig(Section):
         gt=0,
         description="TF frames; longest chain of them. Higher: larger files are read, with "
         "more memory and time",
+    )
+    name_bytes: int = Field(
+        default=1000,
+        gt=0,
+        description="bytes; longest name of a topic, a schema or a TF frame. Higher: larger "
+        "files are read, with more memory and time",
     )
     idle_seconds: float = Field(
         default=300.0,

@@ -50,7 +50,7 @@ class Channels:
         for topic in (*self._topics, *roles.transforms):
             if topic.count:
                 self._decoders |= self._decoders_of(topic)
-        self.collector = TransformCollector()
+        self.collector = TransformCollector(limits)
         self._stamped: dict[str, Stamped] = {}
         self._others: dict[str, list[str]] = {}
         self._survey()

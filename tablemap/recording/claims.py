@@ -25,14 +25,14 @@ class ClaimError(Exception):
 class Counted:
     """Makes objects of a type that lists hold, as many of all types in a message as allowed."""
 
-    def __init__(self, left: list[int], make: Callable[..., Any]) -> None:
-        self._left, self._make = left, make
+    def __init__(self, left: list[int], make: Callable[..., Any], limits: LimitsConfig) -> None:
+        self._left, self._make, self._limits = left, make, limits
 
     def __call__(self, *values: Any) -> Any:
         """Make one."""
         self._left[0] -= 1
         if self._left[0] < 0:
-            raise ClaimError("has too many parts")
+            raise ClaimError(f"has too many parts, {self._limits.over('message_parts')}")
         return self._make(*values)
 
 
@@ -101,8 +101,13 @@ def _varint(data: bytes, at: int, end: int) -> tuple[int, int]:
     return value, at
 
 
-def check_message(message: object, limits: LimitsConfig) -> None:
-    """Raise `ClaimError` where a picture or a scan has more in it than is read, or no sense."""
+def check_message(message: Any, limits: LimitsConfig) -> None:
+    """Raise `ClaimError` where a message has more in it than is read, or makes no sense."""
+    if isinstance(message, tuple):
+        for transform in message:
+            _check_name(max(transform.parent_frame, transform.child_frame, key=len), limits)
+        return
+    _check_name(message.frame_id, limits)
     if isinstance(message, Image):
         _check_pixels(message.width, message.height, limits)
     elif isinstance(message, CompressedImage):
@@ -140,6 +145,11 @@ def declared_size(message: CompressedImage) -> tuple[int, int] | None:
         head = bytes(data[_DEPTH_HEADER : _DEPTH_HEADER + 8])
         return struct.unpack("<II", head) if len(head) == 8 else None
     return None
+
+
+def _check_name(name: str, limits: LimitsConfig) -> None:
+    if len(name) > limits.name_bytes:
+        raise ClaimError(f"has a frame of {len(name)} letters, {limits.over('name_bytes')}")
 
 
 def _check_pixels(width: int, height: int, limits: LimitsConfig) -> None:

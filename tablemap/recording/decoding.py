@@ -229,7 +229,7 @@ def _ros_parser(
     left = [0]  # parts that the message at hand may still have
     made: dict[str, Any] = dict(store.types)
     for listed in check_types(store.fielddefs, name, limits, ros1=encoding == "ros1"):
-        made[listed] = Counted(left, made[listed])
+        made[listed] = Counted(left, made[listed], limits)
     store.types = made
     fields = store.fielddefs[name][1]
     begins_with_header = bool(fields) and fields[0][1][1] == "std_msgs/msg/Header"

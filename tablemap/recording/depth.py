@@ -18,6 +18,7 @@ from tablemap.recording.decoding import DecodingError
 from tablemap.recording.messages import CompressedImage, Image
 from tablemap.recording.rvl import decode_rvl
 
+_FARTHEST = 1e5  # no camera measures so far, in metres nor, by mistake, in millimetres
 _PNG = b"\x89PNG\r\n\x1a\n"
 _HEADER = struct.Struct("<iff")
 _RAW_TYPES = {"16uc1": "u2", "mono16": "u2", "32fc1": "f4"}
@@ -117,5 +118,5 @@ def _in_metres(values: NDArray[np.uint16] | NDArray[np.float32]) -> NDArray[np.f
         metres[(values == 0) | (values == 0xFFFF)] = np.nan
         return metres
     depth = np.asarray(values, dtype=np.float32)
-    depth[~(np.isfinite(depth) & (depth > 0))] = np.nan
+    depth[~((depth > 0) & (depth < _FARTHEST))] = np.nan
     return depth

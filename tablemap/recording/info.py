@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tablemap.config import LimitsConfig, TopicsConfig
-from tablemap.errors import ProcessWarning, RecordingError
+from tablemap.errors import ProcessWarning, RecordingError, with_damage
 from tablemap.inputs import AnyInput, Input
 from tablemap.recording.carried import carried_warnings
 from tablemap.recording.decoding import Decoder, DecodingError, Message
@@ -96,17 +96,20 @@ class RecordingInfo:
             children.setdefault(edge.parent, []).append(edge)
         roots = sorted(set(children) - {edge.child for edge in self.frames})
         lines: list[str] = []
-
-        def add(name: str, indent: int, note: str, above: frozenset[str]) -> None:
-            lines.append("  " * indent + name + note)
-            if name not in above:
-                for edge in sorted(children.get(name, []), key=lambda each: each.child):
-                    note = " (static)" if edge.is_static else ""
-                    add(edge.child, indent + 1, note, above | {name})
-
+        shown: set[str] = set()
         # A tree that is one circle has no root; any of its frames shows it.
-        for root in roots or sorted(children)[:1]:
-            add(root, 0, "", frozenset())
+        waiting = [(root, 0, "") for root in reversed(roots or sorted(children)[:1])]
+        while waiting:
+            name, indent, note = waiting.pop()
+            again = " (as above)" if name in shown and name in children else ""
+            lines.append("  " * indent + name + note + again)
+            if name in shown:  # a frame with two parents is followed once
+                continue
+            shown.add(name)
+            below = sorted(children.get(name, []), key=lambda each: each.child, reverse=True)
+            waiting += [
+                (edge.child, indent + 1, " (static)" if edge.is_static else "") for edge in below
+            ]
         return lines
 
 
@@ -155,7 +158,7 @@ def inspect(
         ),
         frames_sampled=sampled,
         frame_roles=frame_roles,
-        missing=tuple(missing),
+        missing=tuple(with_damage(sentence, warnings) for sentence in missing),
         warnings=(*warnings, *(choice for choice in choices if choice not in warnings)),
     )
 
@@ -223,7 +226,7 @@ def _sampled_transforms(
         if topic.first is not None:
             decoders |= decoders_of(topic.channels, limits)[0]
     static = {id for id, decoder in decoders.items() if "static" in decoder.channel.topic}
-    collector = TransformCollector()
+    collector = TransformCollector(limits)
     for transform in implied_transforms(roles):
         collector.add(transform)
     sampled = False

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tablemap.config import LimitsConfig, TopicsConfig
-from tablemap.errors import ProcessWarning, RecordingError
+from tablemap.errors import ProcessWarning, RecordingError, damage_named
 from tablemap.geometry import Floats, invert
 from tablemap.inputs import AnyInput, Input
 from tablemap.recording.carried import carried_warnings
@@ -22,6 +22,7 @@ from tablemap.recording.messages import CameraInfo, CompressedImage, Image, Lase
 from tablemap.recording.raw import Source
 from tablemap.recording.rectification import Rectification, rectification
 from tablemap.recording.robots import placed
+from tablemap.recording.silence import is_silent, sweep_that_can_be
 from tablemap.recording.sources import open_source
 from tablemap.recording.tf.frame_roles import FrameNames, ground_pose, pose_stamps
 from tablemap.recording.tf.frames import TransformTree
@@ -91,6 +92,7 @@ class Recording:
         self._laser = self._channels.of(self.roles.laser)
         self._pose_stamps = pose_stamps(self.tree, self.names.fixed, self._carrier)
         self.start_ns, self.end_ns = self._span()
+        self.names = self._names_without_silent_laser()
 
     @property
     def path(self) -> Path:
@@ -201,7 +203,14 @@ class Recording:
         due = Stamped(due.stamps_ns[first:last], due.log_times_ns[first:last])
         for message in self._channels.in_order(self.roles.laser, due):
             assert isinstance(message, LaserScan)
-            yield message
+            scan = sweep_that_can_be(message)
+            if scan is not message:
+                self._say_once(
+                    "recording.silent_sensor",
+                    f"The beams of scans on {self.roles.laser.name} were taken as of one moment: "
+                    f"their time_increment of {message.time_increment:g} s cannot be.",
+                )
+            yield scan
 
     # Poses.
 
@@ -268,17 +277,22 @@ class Recording:
     def _check_first_depth(self) -> None:
         """Raise where the calibration does not fit the images, before anything is computed."""
         assert self.roles.depth is not None
+        empty = 0
         for message in self._channels.in_order(self.roles.depth, self._depth):
             assert isinstance(message, Image | CompressedImage)
             try:
-                height, width = decode_depth(message).shape
+                depth = decode_depth(message)
             except DecodingError as error:
                 self._channels.say_undecoded(self.roles.depth.name, error)
                 continue
-            self._rectification(width, height)
+            if not np.isfinite(depth).any():
+                empty += 1
+                continue
+            self._rectification(depth.shape[1], depth.shape[0])
             return
+        what = f"decoded, and {empty} show nothing" if empty else "decoded"
         raise RecordingError(
-            f"None of the depth images on {self.roles.depth.name} can be decoded; "
+            f"None of the depth images on {self.roles.depth.name} can be {what}; "
             "the recording has no depth that could be used."
         )
 
@@ -288,6 +302,18 @@ class Recording:
         for warning in warnings:
             self._say_once(warning.code, warning.message)
         return tree, names, roles
+
+    def _names_without_silent_laser(self) -> FrameNames:
+        """Return the frames, without the laser's where no scan of it has returns, which is said."""
+        if self.names.laser is None or not is_silent(self.scans()):
+            return self.names
+        assert self.roles.laser is not None
+        self._say_once(
+            "recording.silent_sensor",
+            f"The laser on {self.roles.laser.name} was not used: none of its "
+            f"{len(self.scan_stamps())} scans has returns within its own range.",
+        )
+        return replace(self.names, laser=None)
 
     def _span(self) -> tuple[int, int]:
         stamps = [s.stamps_ns for s in (self._depth, self._laser) if len(s.stamps_ns)]
@@ -335,13 +361,14 @@ def open_recording(
     warnings: list[ProcessWarning] = []
     given = Input.of(recording)
     config, limits = topics or TopicsConfig(), limits or LimitsConfig()
-    source = open_source(given, warnings=warnings, limits=limits)
-    try:
-        part = windowed(source, config.start, config.end)
-        return Recording(given, part, topics=config, limits=limits, warnings=warnings)
-    except BaseException:
-        source.close()
-        raise
+    with damage_named(warnings):
+        source = open_source(given, warnings=warnings, limits=limits)
+        try:
+            part = windowed(source, config.start, config.end)
+            return Recording(given, part, topics=config, limits=limits, warnings=warnings)
+        except BaseException:
+            source.close()
+            raise
 
 
 def _roles(

@@ -23,7 +23,7 @@ _IDL_RULE = "=" * 80 + "\n"
 _DIRECTIVE = re.compile(r"^\s*#.*$", re.MULTILINE)
 _IDL_TEXT = re.compile(r'"(?:\\.|[^"\\])*"|//[^\n]*|/\*.*?\*/', re.DOTALL)
 _IDL_ANNOTATION = re.compile(r"@\s*[A-Za-z_][\w:]*(?:\s*\([^()]*\))?")
-_IDL_EXPRESSION = re.compile(r"[()|^&*/%~+]|<<")
+_IDL_EXPRESSION = re.compile(r"[()|^&*/%~+]|<<|<[^<>]*<")  # sequences in sequences too
 _SIZES = {
     "bool": 1,
     "byte": 1,

@@ -133,6 +133,16 @@ def list_topics(source: Source, limits: LimitsConfig) -> list[Topic]:
         kind = kind_of(channel)
         if kind is not None:
             alike.setdefault((channel.topic, kind), []).append(channel)
+    schemas = {
+        (channel.message_encoding, channel.schema_name, channel.schema_data)
+        for channels in alike.values()
+        for channel in channels
+    }
+    if len(schemas) > limits.schemas:
+        raise RecordingError(
+            f"The recording's topics have {len(schemas)} different schemas of the types that are "
+            f"read, {limits.over('schemas')}; raise the limit if it is sound."
+        )
     topics = []
     for (name, kind), channels in alike.items():
         first, problem = _first_message(source, channels, limits)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 from tablemap.archive.folder import RunFolder, load_run, trajectory_tum
 from tablemap.archive.verification import find_input
 from tablemap.config import Config, dump_config, load_config
-from tablemap.errors import ConfigError, TablemapError
+from tablemap.errors import LOSSES, ConfigError, TablemapError
 from tablemap.events import Record, RunFailed, StageFinished, StageStarted, ignore
 from tablemap.inputs import AnyInput, Input
 from tablemap.model import TableModel
@@ -24,9 +24,6 @@ if TYPE_CHECKING:
 
 Follow = Callable[[Path], AbstractContextManager[object]]
 Method = Literal["tablemap", "report"]
-
-LOSSES = ("recording.truncated", "recording.damaged")
-"""Warnings that make a run ``partial``: not all of the recording could be read."""
 
 
 @dataclass(frozen=True)

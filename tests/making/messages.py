@@ -241,19 +241,23 @@ class RosRecorder:
         )
         self.write(topic, "sensor_msgs/msg/CameraInfo", message, stamp_ns)
 
-    def scan(self, topic: str, stamp_ns: int, *, frame: str = LASER, beams: int = 31) -> None:
-        """Write a scan of ranges from 1 to 2 m."""
+    def scan(
+        self, topic: str, stamp_ns: int, *, frame: str = LASER, beams: int = 31, **fields: Any
+    ) -> None:
+        """Write a scan of ranges from 1 to 2 m, or of other fields."""
+        usual = {
+            "angle_min": -1.5,
+            "angle_max": 1.5,
+            "angle_increment": 0.1,
+            "time_increment": 0.0,
+            "scan_time": 0.1,
+            "range_min": 0.05,
+            "range_max": 60.0,
+            "ranges": np.linspace(1, 2, beams).astype(np.float32),
+            "intensities": np.zeros(0, np.float32),
+        }
         message = self.type("sensor_msgs/msg/LaserScan")(
-            header=self.header(stamp_ns, frame),
-            angle_min=-1.5,
-            angle_max=1.5,
-            angle_increment=0.1,
-            time_increment=0.0,
-            scan_time=0.1,
-            range_min=0.05,
-            range_max=60.0,
-            ranges=np.linspace(1, 2, beams).astype(np.float32),
-            intensities=np.zeros(0, np.float32),
+            header=self.header(stamp_ns, frame), **(usual | fields)
         )
         self.write(topic, "sensor_msgs/msg/LaserScan", message, stamp_ns)
 
@@ -316,6 +320,7 @@ def write_drive(
     depth: Callable[[RosRecorder, int], None] | None = raw_depth,
     calibration: Callable[[RosRecorder, int], None] | None = None,
     transforms: bool = True,
+    scan_fields: dict[str, Any] | None = None,
     **options: Any,
 ) -> None:
     """Write the drive; any of its parts can be replaced or left out."""
@@ -326,7 +331,7 @@ def write_drive(
         stamp_ns = START_NS + tick * SECOND // 10
         if transforms:
             recorder.transforms(stamp_ns, drive_edges(stamp_ns))
-        recorder.scan("/base_scan", stamp_ns)
+        recorder.scan("/base_scan", stamp_ns, **(scan_fields or {}))
         if tick % 10 == 0:
             if calibration is not None:
                 calibration(recorder, stamp_ns)

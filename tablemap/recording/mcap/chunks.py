@@ -110,7 +110,7 @@ def _decompress(chunk: Chunk) -> tuple[memoryview, DamageError | None]:
     except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError):
         return buffer[:filled], DamageError("cannot be unpacked")
     except DamageError as error:
-        return buffer[:filled], error
+        return buffer[:filled], DamageError(str(error))  # without the frames that hold the buffer
     return buffer[:filled], None
 
 

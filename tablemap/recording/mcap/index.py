@@ -116,11 +116,13 @@ class Index:
         """
         if opcode == Opcode.SCHEMA:
             schema = mcap_records.Schema.read(stream_of(content))
+            self._check_name(schema.name)
             if self._is_first(opcode, schema.id, self.schemas, doubtful=doubtful):
                 self.schemas[schema.id] = schema
                 self._kept_bytes += len(content)
         elif opcode == Opcode.CHANNEL:
             channel = mcap_records.Channel.read(stream_of(content))
+            self._check_name(channel.topic)
             if self._is_first(opcode, channel.id, self.channels, doubtful=doubtful):
                 self.channels[channel.id] = channel
                 self._kept_bytes += len(content)
@@ -128,6 +130,11 @@ class Index:
         if self._kept_bytes > self.totals.limits.record_mib * MIB:
             words = self.totals.limits.over("record_mib")
             raise RecordingError(f"The recording's schemas and channels are {words}.")
+
+    def _check_name(self, name: str) -> None:
+        if len(name) > self.totals.limits.name_bytes:
+            over = self.totals.limits.over("name_bytes")
+            raise DamageError(f"has a name of {len(name)} letters, {over}")
 
     def _is_first(self, opcode: int, id: int, known: Collection[int], *, doubtful: bool) -> bool:
         if id in known and (doubtful or (opcode, id) not in self._doubtful):
@@ -424,8 +431,9 @@ class _Scan:
     def _define(self, at: int, opcode: int, content: memoryview, *, doubtful: bool = False) -> None:
         try:
             self.index.take_definition(opcode, content, doubtful=doubtful)
-        except PARSE_ERRORS:
-            self.losses.damaged(at, DamageError("is garbled"), partly=True)
+        except PARSE_ERRORS as error:
+            damage = error if isinstance(error, DamageError) else DamageError("is garbled")
+            self.losses.damaged(at, damage, partly=True)
 
     def _extend_run(self, at: int, length: int, time_ns: int) -> None:
         run = self._run

@@ -34,6 +34,7 @@ _IN_CHUNK = re.compile(rb"[\x03-\x05].{4}\x00{4}", re.DOTALL)
 _IN_FILE = re.compile(rb"[\x01-\x0f].{4}\x00{4}", re.DOTALL)
 _MOST_TRIES = 100_000  # places that look like a header, in one search
 _WINDOW_BYTES = 4 * MIB
+_FARTHEST_BYTES = 32 * MIB  # that the next record of a chunk is searched for
 _CHAIN = 3  # records in a row that prove where records begin, in a file
 _NAMES = {0: b"", 3: b"lz4", 4: b"zstd"}
 _DAY_NS = 86_400 * 10**9
@@ -101,7 +102,7 @@ def records_of(
                 yield record
                 at = record[2]
         except DamageError as error:
-            damage = error
+            damage = DamageError(str(error))  # without the frames that hold the data
         else:
             return
     say(damage)
@@ -139,8 +140,9 @@ def _next_in(data: memoryview, start: int, sieve: Sieve) -> int | None:
     def read(at: int, count: int) -> memoryview:
         return data[at : at + count]
 
+    last = start + _FARTHEST_BYTES
     for _ in range(_MOST_TRIES):
-        match = _IN_CHUNK.search(data, start)
+        match = _IN_CHUNK.search(data, start, last)
         if match is None:
             return None
         if sieve.begins_chain(read, match.start(), len(data), length=2):

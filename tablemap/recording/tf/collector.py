@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from tablemap.config import LimitsConfig
+from tablemap.errors import RecordingError
 from tablemap.geometry import Floats
 from tablemap.recording.messages import TransformStamped
 from tablemap.recording.tf.frames import Edge, TransformTree
@@ -58,9 +60,11 @@ class TransformCollector:
     """Gathers transforms into a `TransformTree`.
 
     ``rejected`` counts, by parent and child, those that are no poses, once the tree was made.
+    `add` raises `RecordingError` where there are more frames than the limits allow.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, limits: LimitsConfig | None = None) -> None:
+        self._limits = limits or LimitsConfig()
         self.rejected: dict[tuple[str, str], int] = {}
         self._misnamed: dict[tuple[str, str], int] = {}
         self._edges: dict[tuple[str, str], dict[_Sender, _Samples]] = {}
@@ -73,6 +77,11 @@ class TransformCollector:
             self._misnamed[key] = self._misnamed.get(key, 0) + 1
             return
         senders = self._edges.setdefault(key, {})
+        if len(self._edges) > self._limits.frames:
+            raise RecordingError(
+                f"The recording has transforms between {len(self._edges)} frames or more, "
+                f"{self._limits.over('frames')}; raise the limit if it is sound."
+            )
         sender = _Sender(namespace, publisher, transform.is_static)
         if sender not in senders:
             senders[sender] = _Samples()
@@ -113,7 +122,7 @@ class TransformCollector:
             edge = self._edge(key, sent)
             if edge is not None:
                 edges.append(edge)
-        return TransformTree(edges)
+        return TransformTree(edges, self._limits)
 
     def lost(self) -> str:
         """Say how many transforms were rejected, and between which frames."""

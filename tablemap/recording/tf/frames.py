@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from tablemap.config import LimitsConfig
 from tablemap.errors import RecordingError
 from tablemap.geometry import Floats
 from tablemap.recording.tf.tracks import MAX_GAP_NS, Conflict
@@ -85,7 +86,8 @@ class Edge:
 class TransformTree:
     """The edges of a recording, by child and parent."""
 
-    def __init__(self, edges: Iterable[Edge]) -> None:
+    def __init__(self, edges: Iterable[Edge], limits: LimitsConfig | None = None) -> None:
+        self._limits = limits or LimitsConfig()
         self.edges: dict[str, list[Edge]] = {}
         for edge in edges:
             self.edges.setdefault(edge.child, []).append(edge)
@@ -99,7 +101,8 @@ class TransformTree:
     def chain(self, frame: str) -> list[Edge]:
         """Return the edges from a frame up to its root.
 
-        Raises `RecordingError` where a frame on the way has several parents or is its own ancestor.
+        Raises `RecordingError` where a frame on the way has several parents or is its own ancestor,
+        or where the way is longer than the limits allow.
         """
         edges: list[Edge] = []
         seen = {frame}
@@ -119,6 +122,11 @@ class TransformTree:
                     "record with one publisher for each frame."
                 )
             seen.add(frame)
+            if len(edges) > self._limits.frame_depth:
+                raise RecordingError(
+                    f"The TF frame {edges[0].child!r} hangs from a chain of {len(edges)} frames or "
+                    f"more, {self._limits.over('frame_depth')}."
+                )
         return edges
 
     def root(self, frame: str) -> str:

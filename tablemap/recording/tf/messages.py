@@ -27,6 +27,7 @@ _LAYOUT: dict[str, list[tuple[str, str]]] = {
 }
 _POSE = struct.Struct("<7d")
 _WORD = struct.Struct("<I")
+_LONGEST_NAME = 256  # bytes; longer ones are left to the general decoder, and to its limits
 
 Reader = Callable[[memoryview, int, bool], tuple[TransformStamped, ...]]
 
@@ -107,8 +108,8 @@ def _read_cdr(data: memoryview, log_ns: int, is_static: bool) -> tuple[Transform
 
 
 def _text(data: memoryview, at: int, length: int) -> str:
-    if not 0 <= length <= len(data) - at:
-        raise struct.error("a frame's name is longer than its message")
+    if not 0 <= length <= min(len(data) - at, _LONGEST_NAME):
+        raise struct.error("a frame's name is longer than its message, or than is usual")
     return bytes(data[at : at + length]).decode().lstrip("/")
 
 
