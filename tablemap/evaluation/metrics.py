@@ -98,7 +98,7 @@ class LegScore:
 
 @dataclass(frozen=True)
 class ViewScore:
-    """How many of the model's views see the top, and how many of those were used."""
+    """How many views truly see the top, one a rest of the head, and how many of them were used."""
 
     seeing: int
     used: int
@@ -224,12 +224,17 @@ def _matched(model: TableModel, truth: Truth) -> Iterator[tuple[SnapshotPose, Tr
 
 
 def _score_views(model: TableModel, truth: Truth) -> ViewScore | None:
-    """Count the views that see the top, and the used ones; None where the truth doesn't know."""
-    shares = [(snapshot.used, known.sees_top) for snapshot, known in _matched(model, truth)]
-    seeing = [used for used, share in shares if share is not None and share >= SEES_TOP]
-    if all(share is None for _, share in shares):
+    """Count the rests that see the top, and those used; None where the truth doesn't know."""
+    seen = {
+        known.rest: known.sees_top >= SEES_TOP
+        for known in truth.snapshots or ()
+        if known.rest is not None and known.sees_top is not None
+    }
+    if not seen:
         return None
-    return ViewScore(len(seeing), sum(seeing))
+    used = {known.rest for snapshot, known in _matched(model, truth) if snapshot.used}
+    seeing = {rest for rest, sees in seen.items() if sees}
+    return ViewScore(len(seeing), len(seeing & used))
 
 
 def _dimension_errors(surface: TableSurface, truth: Truth) -> tuple[Error, ...]:

@@ -37,7 +37,7 @@ class TrueSurface(Part):
     )
     height: float | None = Field(
         default=None,
-        description="metres above the floor; null: not known",
+        description="metres above the floor, the mean over the top's area; null: not known",
     )
     dimensions: dict[str, float] | None = Field(
         default=None, description=f"{DIMENSIONS}; null: not known"
@@ -76,10 +76,18 @@ class TrueLeg(Part):
 
 
 class TrueSnapshot(Part):
-    """Where the base was, and the share of the top's area that the image shows unhidden."""
+    """Where the base was, and the share of the top's area that the image shows unhidden.
+
+    ``rest`` numbers the times at which the head rested; images of one rest show the same.
+    """
 
     stamp_ns: int = Field(description="nanoseconds; the image's time in the recording")
     map_from_base: PlanarPose = Field(description="pose of the robot's base in `frame`")
+    rest: int | None = Field(
+        default=None,
+        description="number of the head's rest during which the image was taken; null: on the way, "
+        "or not known",
+    )
     sees_top: float | None = Field(
         default=None,
         description="share of the top's area that the image shows unhidden, 0 to 1; null: not "

@@ -52,6 +52,11 @@ class Simulation:
         """Return the index of the head's rest at a time, or of the last one before it."""
         return int(np.searchsorted(self.drive.rests[:, 0], second, side="right")) - 1
 
+    def resting_at(self, second: float) -> int | None:
+        """Return the index of the head's rest during which a time falls, None in between."""
+        rest = self.rest_at(second)
+        return rest if rest >= 0 and second <= self.drive.rests[rest, 1] else None
+
     def parts(self, *, moved: bool) -> tuple[Part, ...]:
         """Return everything that stands in the room and is not glass, before or after the move."""
         standing = tuple(part for part in self.world.parts if not part.glass)
@@ -122,6 +127,7 @@ class Simulation:
             {
                 "stamp_ns": self.stamp_ns(second),
                 "map_from_base": {"x": pose[0], "y": pose[1], "yaw": wrap_angle(pose[2])},
+                "rest": self.resting_at(second),
                 "top_in_image": round(seen.in_image, 4),
                 "sees_top": round(seen.unhidden, 4),
             }

@@ -305,12 +305,12 @@ def test_outline_distance_grows_with_the_shift() -> None:
 
 
 def seeing(model: m.TableModel, shares: list[float | None]) -> Truth:
-    """Return a model's truth with the share of the top that each of its views shows."""
+    """Return a model's truth with the share of the top that each of its rests shows."""
     truth = truth_of(model)
     assert truth.snapshots
     snapshots = tuple(
-        known.model_copy(update={"sees_top": share})
-        for known, share in zip(truth.snapshots, shares, strict=True)
+        known.model_copy(update={"sees_top": share, "rest": i})
+        for i, (known, share) in enumerate(zip(truth.snapshots, shares, strict=True))
     )
     return truth.model_copy(update={"snapshots": snapshots})
 
@@ -379,6 +379,18 @@ def test_views_count_where_they_truly_see_the_top() -> None:
     assert score(model, truth_of(model)).views is None
 
 
+def test_a_view_that_the_model_does_not_list_is_lost_too() -> None:
+    """And two images of one rest are one view."""
+    model = rectangle_model()
+    truth = seeing(model, [0.9] * 6)
+    assert truth.snapshots
+    again = truth.snapshots[0].model_copy(update={"stamp_ns": truth.snapshots[0].stamp_ns + 10**8})
+    truth = truth.model_copy(update={"snapshots": (*truth.snapshots, again)})
+    cut = model.model_copy(update={"snapshots": model.snapshots[2:]})
+    assert score(model, truth).views == ViewScore(6, 6)
+    assert score(cut, truth).views == ViewScore(6, 4)
+
+
 def test_all_suites_have_figures_of_their_own() -> None:
     """A scenario of two suites counts in both; one suite alone is its own overall."""
     model = rectangle_model()
@@ -391,7 +403,7 @@ def test_all_suites_have_figures_of_their_own() -> None:
     suites = figures["methods"]["tablemap"]["suites"]
     assert {name: group["runs"] for name, group in suites.items()} == {
         "report": 2,
-        "hard": 1,
+        "hard": 2,
         "real_sensors": 1,
     }
     assert all("coverage_95" in group for group in suites.values())

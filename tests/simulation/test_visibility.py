@@ -27,6 +27,17 @@ def test_a_bare_small_top_is_seen_whole() -> None:
     assert seen == pytest.approx(np.ones((16, 2)), abs=0.005)
 
 
+def test_images_say_at_which_rest_they_were_taken() -> None:
+    """Two images a rest, and none for those on the way."""
+    scenario = load_scenario("continuous")
+    for each, moving in ((load_scenario("circle"), False), (scenario, True)):
+        snapshots: Any = simulate(each, seed=1).truth()["snapshots"]
+        rests = [snapshot["rest"] for snapshot in snapshots]
+        assert {rest for rest in rests if rest is not None} == set(range(8))
+        assert (None in rests) == moving
+    assert rests[:2] == [0, 0]
+
+
 def test_a_large_top_leaves_the_image() -> None:
     """A conference table is in no image whole, and some of it is in each."""
     seen = shares("conference")
