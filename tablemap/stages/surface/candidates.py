@@ -31,7 +31,6 @@ from tablemap.stages.surface.residuals import Noise, State
 from tablemap.stages.surface.shapes.curved import Circle
 from tablemap.stages.surface.shapes.registry import PRIMITIVES
 from tablemap.stages.surface.shapes.shape import Shape, area
-from tablemap.stages.surface.shapes.sides import UNSEEN
 from tablemap.stages.surface.shapes.straight import Parallelogram, Polygon, Rectangle, Sided
 from tablemap.stages.surface.starts import generators
 from tablemap.stages.surface.status import hold_unseen, own_statuses, sights
@@ -263,9 +262,8 @@ def _is_supported(candidate: Candidate, config: SurfaceConfig) -> bool:
     fit = candidate.fit
     if not fit.shape.is_plausible() or not np.isfinite(fit.data_cost):
         return False
-    if fit.shape.needs_all_sides and UNSEEN in own_statuses(sights(fit), config):
-        return False
-    return fit.shape.is_told(candidate.spread.covariance, config)
+    own = own_statuses(sights(fit), config)
+    return fit.shape.is_shown(own) and fit.shape.is_told(candidate.spread.covariance, config)
 
 
 def _hull_candidate(

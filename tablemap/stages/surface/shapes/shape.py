@@ -42,8 +42,6 @@ class Shape(ABC):
 
     parameters: Floats
     record: ClassVar[ShapeRecord]
-    needs_all_sides: ClassVar[bool] = False
-    """Whether nothing speaks for the shape where one of its sides was not seen."""
 
     @classmethod
     def starts_in(cls, rectangle: Floats) -> tuple[Shape, ...]:
@@ -77,6 +75,10 @@ class Shape(ABC):
     def normalised(self) -> Self:
         """Return the same outline with its parameters in the model's convention."""
         return self
+
+    def is_shown(self, own: tuple[str, ...]) -> bool:
+        """Say whether sides of these statuses, each by itself, can speak for this shape at all."""
+        return True
 
     def is_told(self, covariance: Floats, config: SurfaceConfig) -> bool:
         """Say whether a fit of this ``covariance`` (k, k) tells the shape from a simpler one."""

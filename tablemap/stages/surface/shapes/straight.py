@@ -15,6 +15,7 @@ from tablemap.stages.surface.shapes.shape import Measure, Shape, area, centroid,
 from tablemap.stages.surface.shapes.sides import (
     INFERRED,
     MEASURED,
+    UNSEEN,
     Sight,
     inferred_at_least,
     worst,
@@ -145,7 +146,6 @@ class Square(Sided):
     """x, y, yaw, side."""
 
     record = SQUARE
-    needs_all_sides = True
 
     @classmethod
     @override
@@ -164,6 +164,10 @@ class Square(Sided):
     @override
     def describe(self) -> tuple[Floats, dict[str, float]]:
         return self.parameters[:3].copy(), {"side": float(self.parameters[3])}
+
+    @override
+    def is_shown(self, own: tuple[str, ...]) -> bool:
+        return UNSEEN not in own
 
     @override
     def side_statuses(self, own: tuple[str, ...]) -> tuple[str, ...]:
@@ -275,7 +279,6 @@ class Polygon(Sided):
     """The angles of all S sides' normals, then their offsets."""
 
     record = POLYGON
-    needs_all_sides = True  # nothing says where a free side runs that was not seen
 
     @override
     def lines(self) -> tuple[Floats, Floats, Floats, Floats]:
@@ -287,6 +290,11 @@ class Polygon(Sided):
             identity[:count],
             identity[count:],
         )
+
+    @override
+    def is_shown(self, own: tuple[str, ...]) -> bool:
+        # Nothing says where a free side runs that was not seen.
+        return UNSEEN not in own
 
     @override
     def describe(self) -> tuple[Floats, dict[str, float]]:
