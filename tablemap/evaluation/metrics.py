@@ -165,12 +165,20 @@ def score(model: TableModel, truth: Truth) -> Score:
         iou=iou,
         legs=_score_legs(model, truth, truth_from_model),
         doubts=tuple(w.code for w in model.warnings if w.code.startswith("accuracy.")),
-        weights={
-            **{other.shape: other.score for other in model.surface.alternatives},
-            model.surface.shape: model.surface.score,
-        },
+        weights=_weights(model.surface),
         views=_score_views(model, truth),
     )
+
+
+def _weights(surface: TableSurface) -> dict[str, float]:
+    """Return each shape's weight; of a shape that is there with two fits, the better one's."""
+    weights: dict[str, float] = {}
+    for name, weight in (
+        *((other.shape, other.score) for other in surface.alternatives),
+        (surface.shape, surface.score),
+    ):
+        weights[name] = max(weight, weights.get(name, 0.0))
+    return weights
 
 
 def fit_rigid(source: Floats, target: Floats) -> Pose2:

@@ -178,6 +178,13 @@ def test_a_rectangle_s_angle_is_right_by_its_name() -> None:
     assert np.degrees(score(sheared, truth_of(model)).angle.error) == pytest.approx(1)
 
 
+def test_a_shape_s_weight_is_that_of_its_better_fit() -> None:
+    """A rectangle is there twice: with sharp corners and with rounded ones."""
+    both = tuple(m.Alternative(shape="rectangle", score=weight) for weight in (0.05, 0.0))
+    model = with_surface(rectangle_model(), shape="ellipse", score=0.95, alternatives=both)
+    assert score(model, truth_of(model)).weights == {"ellipse": 0.95, "rectangle": 0.05}
+
+
 def test_legs_are_found_missed_and_invented() -> None:
     """Three found of four, and one that stands nowhere near any."""
     truth = truth_of(rectangle_model())
