@@ -128,13 +128,22 @@ PARALLELOGRAM = ShapeRecord(
     is_mirrored=False,
     corners=4,
 )
+STADIUM = ShapeRecord(
+    name="stadium",
+    adjective="oblong",
+    lengths=("length", "width"),
+    symmetry=math.pi,
+    corners=0,
+    broken_symmetries=1,
+)
+"""A rectangle with half circles for its ends; its length is from end to end."""
 POLYGON = ShapeRecord(name="polygon", adjective="angular")
 MESH = ShapeRecord(name="mesh", adjective="irregular")
 """The hull of what was seen: no primitive fits."""
 
 SHAPES: dict[str, ShapeRecord] = {
     record.name: record
-    for record in (CIRCLE, ELLIPSE, RECTANGLE, SQUARE, PARALLELOGRAM, POLYGON, MESH)
+    for record in (CIRCLE, ELLIPSE, RECTANGLE, SQUARE, PARALLELOGRAM, STADIUM, POLYGON, MESH)
 }
 """Every shape by its name, in the order in which they are listed."""
 

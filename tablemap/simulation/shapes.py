@@ -21,6 +21,7 @@ from tablemap.model.shapes import (
     POLYGON,
     RECTANGLE,
     SQUARE,
+    STADIUM,
     shape_named,
 )
 from tablemap.simulation.scenario import Table
@@ -154,6 +155,13 @@ def _cornered(
     return _Drawn(dimensions, _rounded(length, width, radius), corners, radius)
 
 
+def _stadium(table: Table, along: float, across: float) -> _Drawn:
+    length, width = _ordered(table.length * along, table.width * across)
+    middle = shapely.LineString([[(width - length) / 2, 0.0], [(length - width) / 2, 0.0]])
+    ring = shapely.orient_polygons(middle.buffer(width / 2, quad_segs=36)).exterior
+    return _Drawn({"length": length, "width": width}, np.asarray(ring.coords)[:-1])
+
+
 def _polygon(table: Table, along: float, across: float) -> _Drawn:
     scaled = np.array(table.corners) * (along, across)
     polygon = shapely.geometry.polygon.orient(shapely.Polygon(scaled))
@@ -192,6 +200,7 @@ _DRAWN: dict[str, Callable[[Table, float, float], _Drawn]] = {
     RECTANGLE.name: _rectangle,
     SQUARE.name: _square,
     PARALLELOGRAM.name: _parallelogram,
+    STADIUM.name: _stadium,
     POLYGON.name: _polygon,
 }
 """What draws a shape that is ``along`` and ``across`` times as large as the table has it."""

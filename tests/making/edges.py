@@ -80,6 +80,14 @@ def rounded_table(length: float, width: float, radius: float, pose: Pose2) -> Ta
     return Table("rectangle", size, pose.apply(ring), pose)
 
 
+def stadium_table(length: float, width: float, pose: Pose2) -> Table:
+    """Make a rectangle with half circles for its ends."""
+    middle = shapely.LineString([((width - length) / 2, 0), ((length - width) / 2, 0)])
+    ring = shapely.orient_polygons(middle.buffer(width / 2, quad_segs=90)).exterior.coords
+    size = {"length": length, "width": width}
+    return Table("stadium", size, pose.apply(np.asarray(ring)[:-1]), pose)
+
+
 def polygon_table(corners: list[tuple[float, float]], pose: Pose2) -> Table:
     """Make a polygon of counter-clockwise corners."""
     return Table("polygon", {}, pose.apply(np.array(corners)), pose)

@@ -331,6 +331,9 @@ def test_truth_keeps_the_conventions(name: str) -> None:
         sizes = {"angle": np.pi / 2, **sizes}
         if surface["shape"] in ("rectangle", "parallelogram"):
             expected = sizes["length"] * sizes["width"] * np.sin(sizes["angle"])
+        elif surface["shape"] == "stadium":
+            radius = sizes["width"] / 2
+            expected = (sizes["length"] - 2 * radius) * sizes["width"] + np.pi * radius**2
         elif surface["shape"] == "square":
             expected = sizes["side"] ** 2
         elif surface["shape"] == "circle":

@@ -23,6 +23,7 @@ from tests.making.edges import (
     l_table,
     observe,
     rounded_table,
+    stadium_table,
 )
 
 SENSORS = SensorsConfig()
@@ -35,6 +36,8 @@ TABLES = {
     "square": box_table(0.55, 0.55, POSE),
     "parallelogram": box_table(1.2, 0.8, POSE, np.radians(91.0)),
     "rounded rectangle": rounded_table(1.0, 0.6, 0.08, POSE),
+    "stadium": stadium_table(1.6, 0.8, POSE),
+    "short stadium": stadium_table(1.1, 0.9, POSE),
     "desk with a cut-out": desk(POSE),
     "L": l_table(POSE),
 }
@@ -132,6 +135,35 @@ def test_an_unseen_side_is_not_called_measured() -> None:
     assert sigma is None or sigma > 0.01
     assert "accuracy.unseen_side" in {warning.code for warning in surface.warnings}
     assert "unseen" in {edge.status for edge in surface.edges}
+
+
+def test_ends_that_are_nearly_half_circles_make_no_stadium() -> None:
+    """A rectangle 0.6 m wide, its corners rounded at 0.28 m, keeps its straight ends of 4 cm."""
+    surface = _fit(rounded_table(1.0, 0.6, 0.28, POSE), Bench(), 5)
+    assert surface.shape == "rectangle"
+    assert surface.corner_radius is not None
+    assert abs(surface.corner_radius.value - 0.28) < 0.008
+
+
+def test_a_half_circle_that_was_not_seen_is_not_assumed() -> None:
+    """A stadium of which one end was seen is a rectangle that is open there."""
+    table = stadium_table(1.6, 0.8, Pose2())
+    surface = _fit(table, replace(Bench(), hidden=((-0.9, 0.9),), occluded=0.0), 1)
+    assert surface.shape == "rectangle"
+    assert surface.dimensions["length"].status == "unseen"
+    assert surface.dimensions["width"].status == "measured"
+    assert abs(surface.dimensions["width"].value - 0.8) < 0.005
+    assert any(warning.code.startswith("accuracy.") for warning in surface.warnings)
+
+
+def test_half_circles_tell_the_width_that_no_side_shows() -> None:
+    """A stadium of which one straight side was not seen still is one, measured to 5 mm."""
+    table = stadium_table(1.6, 0.8, Pose2())
+    surface = _fit(table, replace(Bench(), hidden=((0.8, 2.3),), occluded=0.0), 1)
+    assert surface.shape == "stadium"
+    for name, truth in table.dimensions.items():
+        assert surface.dimensions[name].status == "measured"
+        assert abs(surface.dimensions[name].value - truth) < 0.005
 
 
 def test_one_view_gives_a_result_with_a_warning() -> None:

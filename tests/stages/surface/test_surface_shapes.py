@@ -7,6 +7,7 @@ import pytest
 
 from tablemap.stages.surface.shapes.curved import Circle, Ellipse, RoundedRectangle
 from tablemap.stages.surface.shapes.shape import Shape, area, signed_distance
+from tablemap.stages.surface.shapes.stadium import Stadium
 from tablemap.stages.surface.shapes.straight import (
     Parallelogram,
     Polygon,
@@ -22,6 +23,7 @@ SHAPES: list[Shape] = [
     Square(np.array([0.1, -0.2, 0.7, 0.6])),
     Parallelogram(np.array([0.1, -0.2, 0.7, 1.2, 0.8, 1.3])),
     RoundedRectangle(np.array([0.1, -0.2, 0.7, 1.2, 0.8, 0.15])),
+    Stadium(np.array([0.1, -0.2, 0.7, 1.2, 0.8])),
     Rectilinear(
         np.array([0.3, 0.7, 0.8, 0.0, 0.1, 0.7, 0.6]),
         np.array([3, 0, 1, 0, 1, 2]),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from tablemap.stages.surface.shapes.curved import Circle, Ellipse, RoundedRectangle
 from tablemap.stages.surface.shapes.shape import Shape
+from tablemap.stages.surface.shapes.stadium import Stadium
 from tablemap.stages.surface.shapes.straight import (
     Parallelogram,
     Polygon,
@@ -19,6 +20,7 @@ PRIMITIVES: tuple[type[Shape], ...] = (
     Square,
     Parallelogram,
     RoundedRectangle,
+    Stadium,
 )
 """Fits with a fixed number of parameters, each tried on every top, in this order."""
 POLYGONS: tuple[type[Shape], ...] = (Rectilinear, Polygon)
