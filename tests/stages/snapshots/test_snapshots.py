@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from tablemap.config import SensorsConfig, SnapshotsConfig
 from tablemap.errors import EstimationError, RecordingError
 from tablemap.geometry import Floats, Pose2, transform
+from tablemap.inputs import Input
 from tablemap.recording import DepthFrame, FrameNames, Recording
 from tablemap.recording.messages import CompressedImage, Image
 from tablemap.stages.snapshots import Snapshot, depth_sigma, take_snapshots
@@ -46,7 +46,7 @@ class Drive(Recording):
         head: list[tuple[float, float, float]] | None = None,
         jitter_deg: float = 0.0,
     ) -> None:
-        self.path = Path("drive.mcap")
+        self.input = Input.of("drive.mcap")
         self.warnings = []
         self.names = FrameNames("map", "odom" if wheels else None, "base_link", "camera", None)
         self.knots = np.array(knots)
