@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import asdict
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +15,7 @@ from tablemap.stages.calibration import Calibration
 from tablemap.stages.legs import Legs
 from tablemap.stages.odometry import Odometry
 from tablemap.stages.outline import EdgeKind, Outline
-from tablemap.stages.registration import Pair, Registration
+from tablemap.stages.registration import Pair, Registration, StopCheck
 from tablemap.stages.segmentation import Segmentation, TableCandidate
 from tablemap.stages.surface import Surface
 
@@ -128,13 +129,20 @@ def worst_first(result: Registration) -> list[Pair]:
     return sorted(result.pairs, key=lambda pair: (pair.used, -pair_residual(result, pair)))
 
 
+def _statistics(check: StopCheck) -> str:
+    if check.statistics is None:
+        return ""
+    named = asdict(check.statistics).items()
+    return ", ".join(f"{name} {value:.3g}" for name, value in named if value is not None)
+
+
 def registration(result: Registration) -> str:
     """Return the checks of the stops and the pairs, the dropped and the worst first."""
     checks = [
         (
             one.index,
             "passed" if one.passed else "failed",
-            ", ".join(f"{name} {value:.3g}" for name, value in one.statistics.items()),
+            _statistics(one),
             "; ".join(one.reasons),
         )
         for one in result.checks[:MOST_ROWS]

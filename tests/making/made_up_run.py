@@ -24,6 +24,7 @@ from tablemap.stages.legs import Leg, Legs, RejectedCluster
 from tablemap.stages.odometry import Odometry, OdometryMap, OdometryScan, Trajectory
 from tablemap.stages.outline import EdgeKind, Outline, ViewEdges
 from tablemap.stages.registration import (
+    LaserStatistics,
     Pair,
     PairIteration,
     PairStarted,
@@ -223,7 +224,7 @@ def results(*, stops: int = 8, seed: int = 1) -> list[object]:
     taken = filled(
         Snapshots,
         shots,
-        (SetAside("snapshot", recording.stamp(2) + 7, "the robot was moving"),),
+        (SetAside("viewpoint", recording.stamp(2) + 7, "the robot was moving"),),
         "stops",
     )
     calibration = filled(
@@ -407,7 +408,7 @@ def _registration(
             StopCheck,
             i,
             used_stops[i],
-            {"scan_rms_mm": 1.2, "edge_mm": 2.0},
+            LaserStatistics(0.0012, 0.8, 0.95, 0.02, 0.9, 0.001),
             () if used_stops[i] else ("edges 31 mm apart",),
         )
         for i in range(stops)

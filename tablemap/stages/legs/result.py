@@ -3,33 +3,42 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats
+from tablemap.model import Status
 from tablemap.stages.surface import Figure
+
+SeenBy = Literal["laser", "depth", "nothing"]
+"""What a leg's place rests on."""
 
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """One leg: ``shape`` is ``circle`` (diameter) or ``rectangle`` (length, width), in the map.
+    """One leg.
 
-    ``yaw`` is 0 for a circle, in [0, pi/2) where length and width are one, else in [0, pi).
-    ``position_sigma`` is a standard deviation per axis in metres. ``points`` (n, 2) is the
-    evidence in the map; ``views`` counts the stops and drives that saw it. ``seen_by`` is
-    ``laser``, ``depth``, or ``nothing`` where it is inferred. ``scale_sigma`` (metres) is the part
-    of ``position_sigma`` that rests on what is assumed of the laser's scale.
+    - ``shape``: ``circle`` (diameter) or ``rectangle`` (length, width)
+    - ``x``, ``y``, ``yaw``: metres and radians in the map; the yaw is 0 for a circle, in [0, pi/2)
+      where length and width are one, else in [0, pi)
+    - ``position_sigma``: metres, a standard deviation per axis
+    - ``points``: (n, 2) metres in the map, the evidence
+    - ``views``: how many stops and drives saw it
+    - ``seen_by``: ``nothing`` where it is inferred
+    - ``scale_sigma``: metres, the part of ``position_sigma`` that rests on what is assumed of the
+      laser's scale
     """
 
     shape: str
     x: float
     y: float
     yaw: float
-    status: str
+    status: Status
     position_sigma: float | None
     dimensions: dict[str, Figure]
     points: Floats
     views: int
-    seen_by: str = "laser"
+    seen_by: SeenBy = "laser"
     scale_sigma: float = 0.0
 
 

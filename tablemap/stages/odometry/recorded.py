@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tablemap.errors import EstimationError
 from tablemap.geometry import Floats
 from tablemap.recording import Recording
+from tablemap.stages.odometry.result import MotionSource
 from tablemap.stages.odometry.trajectory import Trajectory, composed, undone
 from tablemap.stages.snapshots import Snapshot
 
@@ -29,7 +30,7 @@ def has_wheels(recording: Recording) -> bool:
 
 def recorded_trajectory(
     recording: Recording, snapshots: tuple[Snapshot, ...]
-) -> tuple[Trajectory, str]:
+) -> tuple[Trajectory, MotionSource]:
     """Take the wheels' trajectory, moved to begin at its localised pose, or the localisation's."""
     at_snapshots = np.array([s.stamp_ns for s in snapshots], dtype=np.int64)
     stamps = np.union1d(thinned_stamps(recording), at_snapshots)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,15 +12,18 @@ from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.odometry.trajectory import Trajectory
 
+MotionSource = Literal["laser", "wheels", "localisation"]
+"""What the motion between two stamps rests on."""
+
 # How the error of each source grows with the way, as standard deviations a metre (x, y, yaw): the
 # first two as measured on simulated laps, the last so loose that a localisation's jump fits in.
-_ERROR_PER_METRE = {
+_ERROR_PER_METRE: dict[MotionSource, tuple[float, float, float]] = {
     "laser": (0.004, 0.004, 0.001),
     "wheels": (0.03, 0.03, 0.015),
     "localisation": (0.08, 0.08, 0.04),
 }
 # What even a short way costs: interpolation between scans, a stop's own jitter.
-_LEAST_ERROR = {
+_LEAST_ERROR: dict[MotionSource, tuple[float, float, float]] = {
     "laser": (0.004, 0.004, 0.0015),
     "wheels": (0.004, 0.004, 0.004),
     "localisation": (0.03, 0.03, 0.02),
@@ -59,7 +63,7 @@ class Odometry:
     - ``trajectory``: the base over time
     - ``localised``, ``wheels``: the recorded trajectories at the same stamps; ``wheels`` is None
       where none were recorded
-    - ``source``: what the motion rests on, ``laser``, ``wheels`` or ``localisation``
+    - ``source``: what the motion rests on
     - ``scans_used``, ``scans_skipped``: how many scans were registered, and how many were not
     - ``gaps``: (g, 2) stamps between which no scan could be placed and the wheels bridge the laser
     - ``open_way``: (n, 2, 2) metres of way up to each stamp, by direction in the trajectory's
@@ -69,7 +73,7 @@ class Odometry:
     trajectory: Trajectory
     localised: Trajectory
     wheels: Trajectory | None
-    source: str
+    source: MotionSource
     scans_used: int
     scans_skipped: int
     gaps: NDArray[np.int64]
@@ -90,7 +94,7 @@ class Odometry:
         left = [np.interp([first_ns, second_ns], at, one) for one in self.open_way.reshape(-1, 4).T]
         turn = self.trajectory.at(first_ns).rotation
         left_open = turn.T @ np.diff(left, axis=1).reshape(2, 2) @ turn
-        prior = "localisation" if self.wheels is None else "wheels"
+        prior: MotionSource = "localisation" if self.wheels is None else "wheels"
         covariance[:2, :2] += _ERROR_PER_METRE[prior][0] ** 2 * left_open
         return covariance
 

@@ -19,7 +19,7 @@ from tablemap.stages.odometry.recorded import (
     sampled,
     thinned_stamps,
 )
-from tablemap.stages.odometry.result import Odometry
+from tablemap.stages.odometry.result import MotionSource, Odometry
 from tablemap.stages.odometry.trajectory import Trajectory
 from tablemap.stages.snapshots import Snapshot
 
@@ -49,7 +49,8 @@ def estimate_odometry(
     on_wheels = has_wheels(recording)
     gaps = np.zeros((0, 2), dtype=np.int64)
     if placed is not None and len(placed.trajectory.stamps_ns) >= 2:
-        trajectory, source = placed.trajectory, "laser"
+        source: MotionSource = "laser"
+        trajectory = placed.trajectory
         used, skipped = len(trajectory.stamps_ns), placed.skipped
         if on_wheels:
             stamps = np.union1d(thinned_stamps(recording), trajectory.stamps_ns)

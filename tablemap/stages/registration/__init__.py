@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from tablemap.stages.registration.result import (
+    DepthPairStatistics,
+    DepthStatistics,
+    LaserStatistics,
     Pair,
     PairIteration,
     PairStarted,
@@ -13,6 +16,9 @@ from tablemap.stages.registration.result import (
 from tablemap.stages.registration.stage import register
 
 __all__ = [
+    "DepthPairStatistics",
+    "DepthStatistics",
+    "LaserStatistics",
     "Pair",
     "PairIteration",
     "PairStarted",

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from tablemap.events import Record
 from tablemap.geometry import Floats, Pose2, wrap_angle
-from tablemap.stages.registration.result import Pair, PairIteration, PairStarted, StopScan
+from tablemap.stages.registration.result import Pair, PairIteration, PairKind, PairStarted, StopScan
 
 _ITERATIONS_A_GATE = 5
 _SOURCE_POINTS = 360
@@ -134,7 +134,7 @@ def align_laser_pair(
 def align_depth_pair(
     source: int,
     target: int,
-    kind: str,
+    kind: PairKind,
     clouds: tuple[Cloud, Cloud],
     target_from_source: Pose2,
     *,
@@ -184,7 +184,7 @@ def align_depth_pair(
 def weigh_pair(
     source: int,
     target: int,
-    kind: str,
+    kind: PairKind,
     clouds: tuple[Cloud, Cloud],
     pose: Pose2,
     *,

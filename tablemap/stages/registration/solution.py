@@ -1,4 +1,4 @@
-"""What either way of registering hands on."""
+"""What the laser's and the depth's registration return, and what both build it from."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.odometry import Odometry
 from tablemap.stages.registration.graph import Anchor, Edge, edge_error
-from tablemap.stages.registration.result import Pair, StopCheck
+from tablemap.stages.registration.result import Pair, PoseSource, StopCheck
 from tablemap.stages.snapshots import Snapshot
 
 _ODOMETRY_ROBUST = 16.0
@@ -28,7 +28,7 @@ class Solution:
     covariance: Floats
     pairs: tuple[Pair, ...]
     checks: tuple[StopCheck, ...]
-    source: str
+    source: PoseSource
     systematic: float
     warnings: tuple[ProcessWarning, ...]
 

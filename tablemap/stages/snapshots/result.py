@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tablemap.geometry import Floats, Pose2, transform
 from tablemap.recording.messages import CompressedImage, Image
+
+SnapshotsKind = Literal["stops", "keyframes"]
+"""Whether the base stood still for them, or they were chosen on the way."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +94,7 @@ class Snapshot:
 class SetAside:
     """Something that was not used, and why: its ``index`` among snapshots where it has one."""
 
-    what: str
+    what: Literal["depth image", "viewpoint"]
     stamp_ns: int
     reason: str
     index: int | None = None
@@ -98,8 +102,8 @@ class SetAside:
 
 @dataclass(frozen=True, eq=False)
 class Snapshots:
-    """All viewpoints of a recording, in time order; ``kind`` is ``stops`` or ``keyframes``."""
+    """All viewpoints of a recording, in time order, and what became none."""
 
     snapshots: tuple[Snapshot, ...]
     set_aside: tuple[SetAside, ...]
-    kind: str
+    kind: SnapshotsKind

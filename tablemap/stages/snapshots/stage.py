@@ -11,7 +11,14 @@ from tablemap.geometry import Pose2, invert
 from tablemap.recording import DepthFrame, Recording
 from tablemap.stages.snapshots.combining import combine
 from tablemap.stages.snapshots.directions import by_direction, planar_pose, same_mount, views_at
-from tablemap.stages.snapshots.result import Camera, SetAside, Snapshot, Snapshots, Viewpoint
+from tablemap.stages.snapshots.result import (
+    Camera,
+    SetAside,
+    Snapshot,
+    Snapshots,
+    SnapshotsKind,
+    Viewpoint,
+)
 from tablemap.stages.snapshots.stops import (
     choose_by_new_view,
     far_apart,
@@ -93,7 +100,7 @@ def _plan(
     stamps: NDArray[np.int64],
     config: SnapshotsConfig,
     sensors: SensorsConfig,
-) -> tuple[str, list[Viewpoint]]:
+) -> tuple[SnapshotsKind, list[Viewpoint]]:
     """Return the kind of recording and its viewpoints, before any limit on their number."""
     poses = recording.pose_stamps()
     if far_apart(stamps) and (len(poses) < 2 or far_apart(poses)):

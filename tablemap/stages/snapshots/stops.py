@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,8 @@ from tablemap.recording import Recording
 
 SECOND_NS = 1_000_000_000
 SAME_PLACE_M, SAME_HEADING = 0.02, np.deg2rad(1.0)
+_Source = Literal["wheels", "localisation", "none"]
+
 _LONGEST_JUMP = 0.5  # metres: a pose that leaps further is lost, not corrected
 
 
@@ -22,7 +26,7 @@ class Motion:
 
     stamps_ns: NDArray[np.int64]
     poses: Floats
-    source: str
+    source: _Source
 
 
 def sample_motion(recording: Recording, depth_stamps: NDArray[np.int64]) -> Motion:
@@ -37,10 +41,11 @@ def sample_motion(recording: Recording, depth_stamps: NDArray[np.int64]) -> Moti
     step = max(SECOND_NS // 10, (end - start) // 6000)
     grid = np.arange(start, end + 1, step, dtype=np.int64)
     stamps = np.union1d(grid, depth_stamps[:: max(1, len(depth_stamps) // 6000)])
-    for source, lookup in (
+    lookups: tuple[tuple[_Source, Callable[[int], Floats | None]], ...] = (
         ("wheels", recording.odom_from_base),
         ("localisation", recording.fixed_from_base),
-    ):
+    )
+    for source, lookup in lookups:
         found = [(int(s), pose) for s in stamps if (pose := lookup(int(s))) is not None]
         if len(found) >= 2 or (found and source == "localisation"):
             poses = np.array([Pose2.projected(pose).as_array() for _, pose in found])

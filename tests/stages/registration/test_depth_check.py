@@ -24,7 +24,7 @@ def test_right_views_agree() -> None:
     wobble = np.random.default_rng(1).normal(0, 1, top.poses.shape) * [0.003, 0.003, 0.002]
     checked = top.check(top.poses + wobble)
     assert checked.passed == VIEWS
-    assert all(check.statistics["agreeing"] == 1.0 for check in checked.checks)
+    assert all(check.statistics.agreeing == 1.0 for check in checked.checks)
 
 
 @pytest.mark.parametrize(
@@ -52,7 +52,7 @@ def test_views_without_edges_say_nothing() -> None:
     """Without an outline there is nothing to check, and no statistic is invented."""
     checked = check_views(None, (None,) * 3, np.zeros((3, 3)))
     assert checked.passed == 3
-    assert all(not check.statistics for check in checked.checks)
+    assert all(check.statistics is None for check in checked.checks)
 
 
 def test_a_jump_halfway_is_mended_by_searching() -> None:

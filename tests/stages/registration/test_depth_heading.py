@@ -83,7 +83,7 @@ def check(
     checks, warnings = check_headings(top.check(poses), sights, top.edges, poses, ties)
     failed = [c.index for c in checks if not c.passed]
     assert all(checks[i].reasons for i in failed)
-    tied = [c.index for c in checks if c.statistics["heading_tied"]]
+    tied = [c.index for c in checks if c.statistics.heading_tied]
     return failed, tied, [warning.code for warning in warnings]
 
 
@@ -148,5 +148,5 @@ def test_who_walks_through_the_room_fails_no_view(room: dict[int, Sight]) -> Non
 
 def test_a_single_view_is_left_alone() -> None:
     """One view has no heading relative to others, and no warning speaks of it."""
-    checked = Checked((StopCheck(0, True, {}, ()),), frozenset())
+    checked = Checked((StopCheck(0, True, None, ()),), frozenset())
     assert check_headings(checked, {}, (None,), np.zeros((1, 3)), []) == (checked.checks, ())

@@ -98,7 +98,7 @@ def test_only_what_the_laser_leaves_loose_asks_for_depth(
 def test_depth_that_agrees_with_one_view_only_proves_nothing() -> None:
     """Two partners that the graph kept are the least; the reason says what there was."""
     pair = Pair(2, 1, "depth", Pose2(), np.eye(3), 0.3, 0.01, 100, True, None)
-    check = StopCheck(2, False, {}, ("it has no usable laser scan",))
+    check = StopCheck(2, False, None, ("it has no usable laser scan",))
     alone = checked_by_depth(check, [pair, replace(pair, target=0, used=False, reason="off")])
     assert not alone.passed
     assert "agrees with 1 other" in alone.reasons[-1]

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.outline import Outline, ViewEdges
-from tablemap.stages.registration.result import StopCheck, StopScan
+from tablemap.stages.registration.result import DepthStatistics, StopCheck, StopScan
 
 # The limits lie between right registrations of simulated tables and ones that were made wrong on
 # purpose.
@@ -21,7 +21,7 @@ _LEAST_CONSISTENT = 0.4
 _FEW_POINTS = 30
 _MOST_POINTS = 200
 _VOTE_STRIDE = 2
-_VOTE_APART = 0.02  # as near as every second vote on a grid of 2 cm is to what it covers
+_VOTE_APART = 0.02  # metres: nearer to a vote than this lies in what the votes cover
 _VOTE_MARGIN = 0.04
 _LARGEST_VIOLATION = 0.04
 _FEW_DOUBTS = 0.2  # of the others: a view that has slid along a side contradicts but a few
@@ -47,13 +47,8 @@ def check_views(
     """Compare each view's edges and votes with those of every other, all at ``poses`` (n, 3).
 
     The largest company of views that agree stands; the others fail, and all of them where it is
-    not the greater half. Statistics, as medians over the company:
-    ``shared``, the share of a view's edge points near which the other saw a parallel edge;
-    ``consistent``, the share of those that lie on it, within 15 mm or three times the noise;
-    ``violation``, how much of the top it saw where the other saw through, or the reverse, by more
-    than 4 cm, as a share of its top; ``agreeing``, the share of the other views that it agrees
-    with. A view without edges has none of them, and passes: it rests on odometry, localisation and
-    pairs, and so says its sigma.
+    not the greater half. Statistics are medians over the company. A view without edges has none,
+    and passes: it rests on odometry, localisation and pairs, and its sigma says so.
     """
     votes = {} if outline is None else {view.index: view for view in outline.views}
     located = [Pose2.from_array(pose) for pose in poses]
@@ -69,45 +64,68 @@ def check_views(
     for i in range(len(edges)):
         partners = [j for j in views if j != i]
         if i not in views or not partners:
-            checks.append(StopCheck(i, True, {}, ()))
+            checks.append(StopCheck(i, True, None, ()))
             continue
         against = [j for j in partners if j in company] or partners
-        statistics = {
-            name: float(np.median([compared[i, j][name] for j in against]))
-            for name in ("edge_points", "shared", "consistent", "violation")
-        }
-        statistics["agreeing"] = float(np.mean([agree[i, j] for j in partners]))
+        median = _median([compared[i, j] for j in against])
+        statistics = DepthStatistics(
+            edge_points=median.edge_points,
+            shared=median.shared,
+            consistent=median.consistent,
+            violation=median.violation,
+            agreeing=float(np.mean([agree[i, j] for j in partners])),
+        )
         reasons: tuple[str, ...] = ()
         if i not in company:
-            reasons = _judge(statistics) or ("it contradicts views that agree with each other",)
+            reasons = _judge(median) or ("it contradicts views that agree with each other",)
         elif 2 * len(company) <= len(views):
             reasons = (f"only {len(company)} of {len(views)} views agree with each other",)
         checks.append(StopCheck(i, not reasons, statistics, reasons))
     return Checked(tuple(checks), frozenset(company))
 
 
+def statistics_of(check: StopCheck) -> DepthStatistics:
+    """Return a view's statistics so far, to be added to."""
+    return check.statistics if isinstance(check.statistics, DepthStatistics) else DepthStatistics()
+
+
 def _company(
     views: Sequence[int],
     agree: dict[tuple[int, int], bool],
-    compared: dict[tuple[int, int], dict[str, float]],
+    compared: dict[tuple[int, int], _Agreement],
 ) -> set[int]:
     """Return the views that are left when those that contradict too many have gone, worst first."""
     company = set(views)
     while len(company) > 1:
         against = {i: [j for j in company if i != j and not agree[i, j]] for i in company}
         fit = {
-            i: float(np.median([compared[i, j]["consistent"] for j in company if j != i]))
+            i: float(np.median([compared[i, j].consistent for j in company if j != i]))
             for i in company
         }
         worst = max(sorted(company), key=lambda i: (len(against[i]), -fit[i]))
-        # One member's doubts are not those of all, and where all doubt, doubts say less: more than
-        # one each, as that may be about one and the same other.
+        # A view goes if it contradicts more of the others than is usual. Where all views contradict
+        # several others, a contradiction says less; one each may be about the same bad view.
         usual = np.median([len(set(against[i]) - {worst}) for i in company - {worst}])
         most = max(1.0, _FEW_DOUBTS * (len(company) - 1), _DOUBTFUL * (float(usual) - 1))
         if len(against[worst]) <= min(most, (len(company) - 1) / 2):
             break
         company.remove(worst)
     return company
+
+
+@dataclass(frozen=True)
+class _Agreement:
+    """How one view fits another, or its median over several; see `DepthStatistics`."""
+
+    edge_points: float
+    shared: float
+    consistent: float
+    violation: float
+
+
+def _median(agreements: Sequence[_Agreement]) -> _Agreement:
+    rows = np.median([astuple(one) for one in agreements], axis=0)
+    return _Agreement(*map(float, rows))
 
 
 class _View:
@@ -123,7 +141,7 @@ class _View:
         self.top_tree, self.free_tree = cKDTree(self.top), cKDTree(self.free)
 
 
-def _compare(own: _View, other: _View) -> dict[str, float]:
+def _compare(own: _View, other: _View) -> _Agreement:
     distance, nearest = other.tree.query(own.points, k=4, distance_upper_bound=_NEAR)
     near = np.isfinite(distance)
     nearest = np.where(near, nearest, 0)
@@ -136,12 +154,12 @@ def _compare(own: _View, other: _View) -> dict[str, float]:
     on = (near & (np.abs(apart) < limit)).any(axis=1)
     against = _inside(own.top, other.free_tree, other.top_tree)
     against += _inside(own.free, other.top_tree, other.free_tree)
-    return {
-        "edge_points": float(len(own.points)),
-        "shared": float(shared.mean()),
-        "consistent": float(on.sum() / max(shared.sum(), 1)),
-        "violation": against / max(len(own.top), 1),
-    }
+    return _Agreement(
+        edge_points=float(len(own.points)),
+        shared=float(shared.mean()),
+        consistent=float(on.sum() / max(shared.sum(), 1)),
+        violation=against / max(len(own.top), 1),
+    )
 
 
 def _inside(points: Floats, region: cKDTree, opposite: cKDTree) -> int:
@@ -161,16 +179,10 @@ def _finite(points: Floats) -> Floats:
     return np.asarray(kept.reshape(-1, 2), dtype=np.float64)
 
 
-def _judge(statistics: dict[str, float]) -> tuple[str, ...]:
+def _judge(seen: _Agreement) -> tuple[str, ...]:
     reasons = []
-    if statistics["edge_points"] * statistics["shared"] >= _FEW_POINTS and (
-        statistics["consistent"] < _LEAST_CONSISTENT
-    ):
-        reasons.append(
-            f"only {statistics['consistent']:.0%} of the edge that other views saw too agrees"
-        )
-    if statistics["violation"] > _LARGEST_VIOLATION:
-        reasons.append(
-            f"{statistics['violation']:.0%} of the top that it saw contradicts other views"
-        )
+    if seen.edge_points * seen.shared >= _FEW_POINTS and seen.consistent < _LEAST_CONSISTENT:
+        reasons.append(f"only {seen.consistent:.0%} of the edge that other views saw too agrees")
+    if seen.violation > _LARGEST_VIOLATION:
+        reasons.append(f"{seen.violation:.0%} of the top that it saw contradicts other views")
     return tuple(reasons)

@@ -14,7 +14,7 @@ from tablemap.events import Record
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.odometry import Odometry
 from tablemap.stages.outline import Outline
-from tablemap.stages.registration.depth.check import check_views
+from tablemap.stages.registration.depth.check import check_views, statistics_of
 from tablemap.stages.registration.depth.cloud import balanced_cloud, upright_cloud
 from tablemap.stages.registration.depth.edges import lay_edges, table_edges
 from tablemap.stages.registration.depth.heading import check_headings
@@ -36,7 +36,7 @@ from tablemap.stages.registration.graph import (
 )
 from tablemap.stages.registration.pairs import Cloud, align_depth_pair, thinned
 from tablemap.stages.registration.polish import Polished
-from tablemap.stages.registration.result import Pair, StopCheck, StopScan
+from tablemap.stages.registration.result import Pair, PairKind, StopCheck, StopScan
 from tablemap.stages.registration.solution import (
     Solution,
     judge_pair,
@@ -161,12 +161,12 @@ def _with_context(
     return tuple(
         replace(
             check,
-            statistics={
-                **check.statistics,
-                "pairs": float(sum(check.index in (p.source, p.target) for p in used)),
-                "edge_rms": polished.rms,
-                "moved": float(moved[check.index]),
-            },
+            statistics=replace(
+                statistics_of(check),
+                pairs=sum(check.index in (p.source, p.target) for p in used),
+                edge_rms=polished.rms,
+                moved=float(moved[check.index]),
+            ),
         )
         for check in checks
     )
@@ -204,10 +204,10 @@ def _tilt_covariance(snapshots: Sequence[Snapshot]) -> Floats:
 
 def choose_views(
     clouds: dict[int, Cloud], located: Sequence[Pose2], config: RegistrationConfig
-) -> list[tuple[int, int, str]]:
+) -> list[tuple[int, int, PairKind]]:
     """Return (source, target, kind) of views that follow each other or that see the same."""
     trees = {i: cKDTree(located[i].apply(cloud.points)) for i, cloud in clouds.items()}
-    chosen: dict[tuple[int, int], str] = {}
+    chosen: dict[tuple[int, int], PairKind] = {}
     for i, cloud in clouds.items():
         points = located[i].apply(cloud.points[:: max(1, len(cloud.points) // _OVERLAP_POINTS)])
         shares: list[tuple[float, int]] = []

@@ -14,7 +14,7 @@ import numpy as np
 
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats, Pose2
-from tablemap.stages.registration.depth.check import Checked
+from tablemap.stages.registration.depth.check import Checked, statistics_of
 from tablemap.stages.registration.depth.edges import turning_edges
 from tablemap.stages.registration.depth.sight import Sight, Sighting, sighting
 from tablemap.stages.registration.result import StopCheck, StopScan
@@ -67,9 +67,7 @@ def check_headings(
     tie a view to all others where they fit clearly worse turned about the top; uprights tie two
     where they fit, and clearly worse turned. A view whose uprights contradict another's fails,
     unless it is tied to more than half of those that show the top (people walk). The warning names
-    the views that show the top and that nothing ties to such a half. Statistics:
-    ``upright_points`` (shared in sight), their ``upright_score`` and ``upright_violation`` (see
-    `Sighting`), ``heading_tied`` (1 or 0).
+    the views that show the top and that nothing ties to such a half.
     """
     views = [check.index for check in checked.checks if check.passed]
     if len(views) < 2:
@@ -120,10 +118,15 @@ def _judged(
 ) -> StopCheck:
     own = [seen for pair, seen in sightings.items() if check.index in pair]
     points = sum(seen.points for seen in own)
-    statistics = {"heading_tied": float(check.index in tied), "upright_points": float(points)}
+    statistics = replace(
+        statistics_of(check), heading_tied=check.index in tied, upright_points=points
+    )
     if points:
-        statistics["upright_score"] = sum(seen.points * seen.score for seen in own) / points
-        statistics["upright_violation"] = sum(s.points * s.violation for s in own) / points
+        statistics = replace(
+            statistics,
+            upright_score=sum(seen.points * seen.score for seen in own) / points,
+            upright_violation=sum(seen.points * seen.violation for seen in own) / points,
+        )
     others = sum(check.index in pair for pair in against)
     reasons: tuple[str, ...] = ()
     if others and check.index not in tied:
@@ -132,7 +135,7 @@ def _judged(
     return replace(
         check,
         passed=not reasons,
-        statistics={**check.statistics, **statistics},
+        statistics=statistics,
         reasons=(*check.reasons, *reasons),
     )
 

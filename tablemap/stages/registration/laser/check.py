@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from tablemap.geometry import Floats, Pose2
 from tablemap.robust import mad_sigma
 from tablemap.stages.registration.correlative import likelihood
-from tablemap.stages.registration.result import StopCheck, StopScan
+from tablemap.stages.registration.result import LaserStatistics, StopCheck, StopScan
 from tablemap.stages.snapshots import is_same_place
 
 # What the limits lie between: right registrations of simulated rooms, people and moved furniture
@@ -32,14 +32,7 @@ _NORMAL_COSINE = 0.9
 def check_stops(
     stops: Sequence[StopScan | None], poses: Floats, pairs: Sequence[tuple[int, int]]
 ) -> tuple[StopCheck, ...]:
-    """Check each stop against those that it is paired with, all at ``poses`` (n, 3).
-
-    Statistics, as the median over its pairs so that one person or moved chair does not decide:
-    ``rms`` (metres, robust), ``overlap`` (share of its points that the other saw too),
-    ``consistent`` (share of those within 15 mm, or three times the noise), ``violation`` (share of
-    its points in the other's free space); ``score``, its likelihood among the points of all others;
-    and ``noise`` (metres), what the scans' own noise makes of ``rms`` at the right place.
-    """
+    """Check each stop against those that it is paired with, all at ``poses`` (n, 3)."""
     scans = {i: stop for i, stop in enumerate(stops) if stop is not None and len(stop.points)}
     trees = {i: cKDTree(stop.points) for i, stop in scans.items()}
     located = [Pose2.from_array(pose) for pose in poses]
@@ -47,14 +40,14 @@ def check_stops(
     checks = []
     for i in range(len(stops)):
         if i not in scans:
-            checks.append(StopCheck(i, False, {}, ("it has no usable laser scan",)))
+            checks.append(StopCheck(i, False, None, ("it has no usable laser scan",)))
             continue
         partners = sorted({a if b == i else b for a, b in pairs if i in (a, b)} & set(scans))
         # Views that a turning head took from one place agree about any place.
         apart = [j for j in partners if not is_same_place(located[i], located[j])]
         partners = apart or partners
         if not partners:
-            checks.append(StopCheck(i, False, {}, ("no other stop saw the same surroundings",)))
+            checks.append(StopCheck(i, False, None, ("no other stop saw the same surroundings",)))
             continue
         compared = np.array(
             [
@@ -65,43 +58,45 @@ def check_stops(
         # Pairs that hardly overlap say little about residuals.
         shared = compared[:, 1] >= 0.5 * compared[:, 1].max()
         others = cKDTree(np.concatenate([in_map[j] for j in partners]))
-        statistics = {
-            "rms": float(np.median(compared[shared, 0])),
-            "overlap": float(np.max(compared[:, 1])),
-            "consistent": float(np.median(compared[shared, 2])),
-            "violation": float(np.median(compared[:, 3])),
-            "score": likelihood(scans[i].points, others, located[i]),
-            "noise": float(np.median([np.hypot(scans[i].noise, scans[j].noise) for j in partners])),
-        }
+        statistics = LaserStatistics(
+            rms=float(np.median(compared[shared, 0])),
+            overlap=float(np.max(compared[:, 1])),
+            consistent=float(np.median(compared[shared, 2])),
+            violation=float(np.median(compared[:, 3])),
+            score=likelihood(scans[i].points, others, located[i]),
+            noise=float(np.median([np.hypot(scans[i].noise, scans[j].noise) for j in partners])),
+        )
         reasons = _judge(statistics)
         checks.append(StopCheck(i, not reasons, statistics, reasons))
     return tuple(checks)
 
 
-def suspicious(check: StopCheck) -> bool:
-    """Tell whether a stop's place is worth a search, though its check may have passed."""
-    if not check.statistics:
-        return False
-    return not check.passed or (
-        check.statistics["score"] < _DOUBTFUL_SCORE
-        or check.statistics["violation"] > _DOUBTFUL_VIOLATION
-    )
+def suspicious(checks: Sequence[StopCheck]) -> dict[int, float]:
+    """Return the stops whose place is worth a search, with their scores; some of them passed."""
+    return {
+        check.index: seen.score
+        for check in checks
+        if isinstance(seen := check.statistics, LaserStatistics)
+        and (
+            not check.passed or seen.score < _DOUBTFUL_SCORE or seen.violation > _DOUBTFUL_VIOLATION
+        )
+    }
 
 
-def _judge(statistics: dict[str, float]) -> tuple[str, ...]:
+def _judge(seen: LaserStatistics) -> tuple[str, ...]:
     reasons = []
-    if statistics["overlap"] < _LEAST_OVERLAP:
-        reasons.append(f"only {statistics['overlap']:.0%} of its scan fits any other stop's")
-    if statistics["score"] < _LEAST_SCORE:
-        reasons.append(f"its scan scores {statistics['score']:.2f} among the others")
-    if statistics["consistent"] < _LEAST_CONSISTENT:
-        reasons.append(f"only {statistics['consistent']:.0%} of what is shared agrees")
-    if statistics["rms"] > max(_LARGEST_RMS, _NOISE_FACTOR * statistics["noise"]):
-        reasons.append(f"what is shared is off by {1e3 * statistics['rms']:.1f} mm RMS")
-    if statistics["violation"] > _LARGEST_VIOLATION or (
-        statistics["violation"] > _DOUBTFUL_VIOLATION and statistics["score"] < _DOUBTFUL_SCORE
+    if seen.overlap < _LEAST_OVERLAP:
+        reasons.append(f"only {seen.overlap:.0%} of its scan fits any other stop's")
+    if seen.score < _LEAST_SCORE:
+        reasons.append(f"its scan scores {seen.score:.2f} among the others")
+    if seen.consistent < _LEAST_CONSISTENT:
+        reasons.append(f"only {seen.consistent:.0%} of what is shared agrees")
+    if seen.rms > max(_LARGEST_RMS, _NOISE_FACTOR * seen.noise):
+        reasons.append(f"what is shared is off by {1e3 * seen.rms:.1f} mm RMS")
+    if seen.violation > _LARGEST_VIOLATION or (
+        seen.violation > _DOUBTFUL_VIOLATION and seen.score < _DOUBTFUL_SCORE
     ):
-        reasons.append(f"{statistics['violation']:.0%} of its scan lies where others saw through")
+        reasons.append(f"{seen.violation:.0%} of its scan lies where others saw through")
     return tuple(reasons)
 
 

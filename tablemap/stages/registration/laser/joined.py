@@ -14,7 +14,7 @@ from tablemap.stages.registration.depth.cloud import balanced_cloud, upright_clo
 from tablemap.stages.registration.depth.depth import PAIR_GATES, choose_views
 from tablemap.stages.registration.depth.held import PAIR_SIGMA
 from tablemap.stages.registration.pairs import align_depth_pair
-from tablemap.stages.registration.result import Pair, StopCheck, StopScan
+from tablemap.stages.registration.result import DepthPairStatistics, Pair, StopCheck, StopScan
 from tablemap.stages.registration.solution import pose_list
 from tablemap.stages.snapshots import Snapshot
 
@@ -70,7 +70,7 @@ def checked_by_depth(check: StopCheck, judged: Sequence[Pair]) -> StopCheck:
     """Pass a stop without a scan where its depth, after the graph, agrees with two other views."""
     mine = [pair for pair in judged if check.index in (pair.source, pair.target)]
     kept = [pair for pair in mine if pair.used]
-    statistics = {"depth_pairs": float(len(mine)), "depth_pairs_used": float(len(kept))}
+    statistics = DepthPairStatistics(depth_pairs=len(mine), depth_pairs_used=len(kept))
     if len(kept) >= _LEAST_PARTNERS:
         return StopCheck(check.index, True, statistics, ())
     reason = f"its depth agrees with {len(kept)} other views, {_LEAST_PARTNERS} are needed"

@@ -206,17 +206,17 @@ def _search_suspicious(
     tried: set[int],
 ) -> dict[int, Pose2]:
     """Search for the stops whose check asks for it, among those that passed; return who moves."""
-    asked = [c.index for c in attempt.checks if suspicious(c) and c.index not in tried]
+    asked = {i: score for i, score in suspicious(attempt.checks).items() if i not in tried}
     if not asked:
         return {}
     scans = {i: stop for i, stop in enumerate(stops) if stop is not None}
     placed = {c.index: Pose2.from_array(attempt.poses[c.index]) for c in attempt.checks if c.passed}
     if not placed:
-        first = max(asked, key=lambda i: (attempt.checks[i].statistics["score"], -i))
+        first = max(asked, key=lambda i: (asked[i], -i))
         placed = {first: Pose2.from_array(attempt.poses[first])}
     moved: dict[int, Pose2] = {}
     # The worst are searched last: by then the others that were found help.
-    for i in sorted(asked, key=lambda i: (-attempt.checks[i].statistics["score"], i)):
+    for i in sorted(asked, key=lambda i: (-asked[i], i)):
         others = [pose.apply(scans[j].points) for j, pose in placed.items() if j != i]
         if not others:
             continue
