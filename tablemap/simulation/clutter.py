@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 
 from tablemap.geometry import Floats
 from tablemap.simulation.furniture import drawn_colour, footprint, rim, rim_place
-from tablemap.simulation.meshes import Part, at, box, cylinder, revolve
+from tablemap.simulation.meshes import Mesh, Part, at, box, cylinder, revolve
 from tablemap.simulation.scenario import Clutter
 from tablemap.simulation.shapes import Top
 
 _TRIES, _PLACES = 150, 150
-_CROWD_SCALES = 1.0, 0.3
+_CROWD_SCALES = 1.1, 0.5
+_LOW = np.array([1.0, 1.0, 0.6])  # what fills a table is lower than what stands on it alone
 _RIM_GAP = 0.003, 0.02  # metres
 _INWARDS = np.arange(6) * 0.01
 _PHASES = np.arange(24) * 2 * np.pi / 24
-_CIRCLE = np.column_stack([np.cos(_PHASES), np.sin(_PHASES)])
+_CIRCLE = np.column_stack([np.cos(_PHASES), np.sin(_PHASES)]) / np.cos(np.pi / 24)
+"""A polygon round the unit circle: what is round stays inside of its footprint."""
 
 
 def draw_clutter(
@@ -115,6 +117,9 @@ def _crowd(
             break
         kind = clutter.items[int(rng.integers(len(clutter.items)))]
         thing = _item(kind, float(scale), rng)
+        mesh = thing.part.mesh
+        flattened = Mesh(mesh.vertices * _LOW, mesh.triangles)
+        thing = replace(thing, part=thing.part.of(flattened))
         places = rng.uniform(low, high, (_PLACES, 2))
         parts += _stood(thing, places, rng.uniform(-np.pi, np.pi, _PLACES), top, taken)
     return parts
