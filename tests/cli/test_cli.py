@@ -18,7 +18,17 @@ from tests.making.models import rectangle_model
 from tests.making.run_folders import make_run
 
 README = Path(__file__).resolve().parents[2] / "README.md"
-COMMANDS = ["process", "info", "export", "view", "simulate", "evaluate", "config", "runs"]
+COMMANDS = [
+    "process",
+    "info",
+    "convert",
+    "export",
+    "view",
+    "simulate",
+    "evaluate",
+    "config",
+    "runs",
+]
 RUNS = ["list", "show", "compare", "verify", "reprocess", "prune", "pack", "unpack", "serve"]
 
 

@@ -120,7 +120,7 @@ def test_a_killed_worker_s_recording_goes_to_the_other(address: str, tmp_path: P
     stages: list[str] = []
     with workers(address, 2) as processes:
         outcomes = {
-            outcome.recording: outcome
+            outcome.recording.path: outcome
             for outcome in process_on_cluster(
                 files,
                 Acted(tmp_path / "runs", Config()),
