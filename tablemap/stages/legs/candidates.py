@@ -28,6 +28,24 @@ from tablemap.stages.snapshots import Snapshot
 UNDER_ANOTHER = "stands under the surface that touches the table"
 
 _OWN_TANGENTS = 120  # of a candidate's first fit, which only has to find its place and shape
+_LEAST_TANGENTS = 4
+_APART = 0.05  # metres, or its size: a fit that ends farther from its cluster found something else
+_JUST_BELOW = 0.06  # metres under the top's height that the depth camera need not see
+_UPPER_PART = 0.6  # of the top's height: what is lower tells no leg from clutter
+_ROUGHNESS, _ROUGHNESS_SHARE = 0.02, 0.1  # metres, and of its size, that a leg's outline scatters
+
+# What speaks for a leg and against one, in one unit. One that the depth camera saw reach the top is
+# a leg unless it looks like a chair's; without that look, its place must speak for it.
+_REACHES_TOP = 3.0  # the depth camera followed it up to the top
+_REACHES_BESIDE = 1.0  # the same beyond the top, where a chair's back stands up as high
+_OF_COMPLETE_SET = 2.0  # its partners stand where the top's symmetry puts them
+_OF_PARTIAL_SET = 1.0  # some of its partners do, or they make up a second set
+_IN_THE_MIDDLE = 3.0  # where a pedestal stands, and clutter hardly does
+_NEAR_A_CORNER = 1.0  # where legs stand, and people and bags do too
+_OF_A_CHAIR = -2.5  # stands with others as a chair's legs do
+_BEYOND_THE_TOP = -1.5  # feet may stand there, and so does all that is beside the table
+_BESIDE_A_SET = -1.0  # the table has a complete set, and this is not of it
+_LEAST_FOR_A_LEG = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,20 +122,20 @@ def _judged(
     if stops < min(2, len(scans.group_stops)):
         return replace(found, reason="seen from one stop alone")
     evidence = gather_evidence(scans, points, own, own)
-    if len(evidence.sigma) < 4:
+    if len(evidence.sigma) < _LEAST_TANGENTS:
         return replace(found, reason="too little of its outline seen")
     fits = _own_fits(cluster, evidence, frame, sensors)
     found = replace(found, evidence=evidence, fits=fits)
     place = fits[found.kind].parameters[0, :2]
-    if np.linalg.norm(place - cluster.centre) > max(0.05, cluster.size):
+    if np.linalg.norm(place - cluster.centre) > max(_APART, cluster.size):
         return replace(found, reason="its silhouettes do not agree on a place")
     found = replace(found, place=place)
     size = found.size
     stayed = persistence(scans, place, 0.5 * size) if cluster.slender else Persistence(stops, 0, 0)
-    highest = frame.surface.height.value - 0.06
+    highest = frame.surface.height.value - _JUST_BELOW
     # No seat goes under a top as low as one: there all that stands up to it may carry it.
     seat = config.seat_height if highest > config.seat_height else 0.0
-    lowest = max(seat, 0.6 * frame.surface.height.value)
+    lowest = max(seat, _UPPER_PART * frame.surface.height.value)
     looked = reach(snapshots, poses, place, 0.5 * size, lowest, highest)
     found = replace(found, stayed=stayed, reach=looked)
     return replace(found, reason=_objection(found, frame, config))
@@ -166,7 +184,7 @@ def _objection(found: Candidate, frame: Frame, config: LegsConfig) -> str | None
     if size < config.smallest_leg:
         return f"{1000 * size:.0f} mm across: too thin for a leg"
     fit = found.fits[found.kind]
-    if fit.rms[0] > 0.02 + 0.1 * size:
+    if fit.rms[0] > _ROUGHNESS + _ROUGHNESS_SHARE * size:
         return "its silhouettes do not agree on a shape"
     if found.cluster.slender and found.reach.is_free:
         return (
@@ -194,21 +212,65 @@ def judge(candidates: list[Candidate], frame: Frame) -> list[Candidate]:
     chairs = {free[k] for k in chair_like(frame, places[free], {at[i] for i in own if i in at})}
     judged = list(candidates)
     for i in alive:
-        candidate = candidates[i]
-        inset = frame.inset(candidate.place)
-        central, beyond = frame.is_central(candidate.place), frame.is_beyond(candidate.place)
-        score = 0.0
-        # Beyond the top a chair's back stands up to it too.
-        score += 0.0 if not candidate.reach.is_up else 1.0 if beyond else 3.0
-        score += 2.0 if i in complete else 1.0 if i in partial else 0.0
-        score += 3.0 if central else 1.0 if frame.near_corner(candidate.place) else 0.0
-        score -= 2.5 if i in chairs else 0.0
-        score -= 1.5 if beyond else 0.0
-        score -= 1.0 if complete and i not in complete and not central else 0.0
-        if score < 1.0:
-            reason = _weighed(i in chairs, inset, beyond, bool(complete))
-            judged[i] = replace(candidate, reason=reason)
+        place = candidates[i].place
+        signs = _Signs(
+            reaches_top=candidates[i].reach.is_up,
+            in_complete_set=i in complete,
+            in_partial_set=i in partial,
+            in_chair=i in chairs,
+            is_central=frame.is_central(place),
+            is_near_corner=frame.near_corner(place),
+            is_beyond=frame.is_beyond(place),
+            table_has_set=bool(complete),
+        )
+        if signs.score() < _LEAST_FOR_A_LEG:
+            judged[i] = replace(candidates[i], reason=signs.objection(frame.inset(place)))
     return judged
+
+
+@dataclass(frozen=True)
+class _Signs:
+    """What tells a leg from clutter beside its own silhouettes: its place, and the depth camera."""
+
+    reaches_top: bool
+    in_complete_set: bool
+    in_partial_set: bool
+    in_chair: bool
+    is_central: bool
+    is_near_corner: bool
+    is_beyond: bool
+    table_has_set: bool
+
+    def score(self) -> float:
+        """Return what speaks for a leg, less what speaks against it."""
+        score = 0.0
+        if self.reaches_top:
+            score += _REACHES_BESIDE if self.is_beyond else _REACHES_TOP
+        if self.in_complete_set:
+            score += _OF_COMPLETE_SET
+        elif self.in_partial_set:
+            score += _OF_PARTIAL_SET
+        if self.is_central:
+            score += _IN_THE_MIDDLE
+        elif self.is_near_corner:
+            score += _NEAR_A_CORNER
+        if self.in_chair:
+            score += _OF_A_CHAIR
+        if self.is_beyond:
+            score += _BEYOND_THE_TOP
+        if self.table_has_set and not self.in_complete_set and not self.is_central:
+            score += _BESIDE_A_SET
+        return score
+
+    def objection(self, inset: float) -> str:
+        """Return the strongest sign against it, at ``inset`` metres inside the outline."""
+        if self.in_chair:
+            return "stands as a chair's leg does, and was not seen to reach the top"
+        if self.is_beyond:
+            return f"stands {100 * -inset:.0f} cm beyond the top, without partners"
+        if self.table_has_set:
+            return "stands inside a complete set of legs, and was not seen to reach the top"
+        return "neither its place nor the depth camera tell it from clutter"
 
 
 def _without_fragments(candidates: list[Candidate]) -> list[Candidate]:
@@ -232,16 +294,6 @@ def _without_fragments(candidates: list[Candidate]) -> list[Candidate]:
         else:
             kept.append(i)
     return result
-
-
-def _weighed(is_chair: bool, inset: float, is_beyond: bool, has_set: bool) -> str:
-    if is_chair:
-        return "stands as a chair's leg does, and was not seen to reach the top"
-    if is_beyond:
-        return f"stands {100 * -inset:.0f} cm beyond the top, without partners"
-    if has_set:
-        return "stands inside a complete set of legs, and was not seen to reach the top"
-    return "neither its place nor the depth camera tell it from clutter"
 
 
 def _thinned(points: Floats, segments: Segments) -> Floats:
