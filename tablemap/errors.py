@@ -44,6 +44,7 @@ WARNING_CODES: dict[str, str] = {
     "registration.pair_dropped": "Pairs of snapshots disagree with the rest.",
     "legs.set_aside": "What stands under or near the top and is no leg of it.",
     "recording.no_pose": "Depth images or a laser were left out, for their pose is not known.",
+    "recording.pose_topic": "TF lacks poses; those on a topic of their own were taken.",
     "calibration.no_floor": "Too little floor was seen to calibrate the camera; TF was believed.",
     "calibration.floor_level": (
         "The floor is not at z = 0 of the fixed frame; heights count from where it is."

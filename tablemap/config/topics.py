@@ -45,6 +45,18 @@ class TopicsConfig(Section):
         default="",
         description="TF frame of the robot's base; empty: found by itself",
     )
+    pose: str = Field(
+        default="",
+        description="topic of the localised poses, where TF lacks them; empty: found by itself",
+    )
+    pose_frame: str = Field(
+        default="",
+        description="TF frame whose poses these are; empty: as told, or the base",
+    )
+    extrinsics: str = Field(
+        default="",
+        description="TOML or URDF file with mountings that TF lacks; empty: none",
+    )
     start: str = Field(
         default="",
         description="seconds from the begin (-: before the end), or a date; reading starts "

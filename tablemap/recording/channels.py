@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tablemap.config import LimitsConfig
 from tablemap.recording.decoding import TRANSFORMS, Decoder, DecodingError
-from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
+from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan, Pose
 from tablemap.recording.raw import Source
 from tablemap.recording.tf.collector import TransformCollector
 from tablemap.recording.topics import Roles, Topic, decoders_of, implied_transforms
@@ -82,7 +82,7 @@ class Channels:
             except DecodingError as error:
                 self.say_undecoded(topic.name, error)
                 continue
-            if isinstance(message, tuple) or message.frame_id != topic.frame_id:
+            if isinstance(message, tuple | Pose) or message.frame_id != topic.frame_id:
                 continue
             if message.stamp_ns not in expected:
                 continue

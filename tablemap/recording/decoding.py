@@ -38,6 +38,7 @@ from tablemap.recording.messages import (
     CompressedImage,
     Image,
     LaserScan,
+    Pose,
     TransformStamped,
 )
 from tablemap.recording.packing import unpacked_message
@@ -46,14 +47,15 @@ from tablemap.recording.schemas import SchemaError, check_types, types_of_idl, t
 from tablemap.recording.tf.messages import Reader as DirectReader
 from tablemap.recording.tf.messages import direct_reader
 
-Message = Image | CompressedImage | CameraInfo | LaserScan | tuple[TransformStamped, ...]
+Message = Image | CompressedImage | CameraInfo | LaserScan | Pose | tuple[TransformStamped, ...]
 
-IMAGE, COMPRESSED, CALIBRATION, LASER, POINTS, TRANSFORMS = (
+IMAGE, COMPRESSED, CALIBRATION, LASER, POINTS, POSE, TRANSFORMS = (
     "image",
     "compressed image",
     "calibration",
     "laser scan",
     "point cloud",
+    "pose",
     "transforms",
 )
 
@@ -63,6 +65,9 @@ _KINDS = {
     "sensor_msgs/CameraInfo": CALIBRATION,
     "sensor_msgs/LaserScan": LASER,
     "sensor_msgs/PointCloud2": POINTS,
+    "geometry_msgs/PoseStamped": POSE,
+    "geometry_msgs/PoseWithCovarianceStamped": POSE,
+    "nav_msgs/Odometry": POSE,
     "tf2_msgs/TFMessage": TRANSFORMS,
     "tf/tfMessage": TRANSFORMS,
     "foxglove/RawImage": IMAGE,
@@ -70,6 +75,7 @@ _KINDS = {
     "foxglove/CameraCalibration": CALIBRATION,
     "foxglove/LaserScan": LASER,
     "foxglove/PointCloud": POINTS,
+    "foxglove/PoseInFrame": POSE,
     "foxglove/FrameTransform": TRANSFORMS,
     "foxglove/FrameTransforms": TRANSFORMS,
 }
@@ -358,6 +364,22 @@ def _cloud(message: Any, log_ns: int) -> CloudImage:
     )
 
 
+def _pose(message: Any, log_ns: int) -> Pose:
+    """Take a pose, with or without a covariance, from where its message has it."""
+    stamp_ns, frame_id = _header(message, log_ns)
+    pose, unknown = message.pose, float("nan")
+    sigma = (unknown, unknown, unknown)
+    if hasattr(pose, "covariance"):
+        variances = np.array(pose.covariance, dtype=np.float64).reshape(6, 6)[[0, 1, 5], [0, 1, 5]]
+        # All zeros is what a sender leaves that does not know.
+        if np.all(np.isfinite(variances)) and np.all(variances >= 0) and variances.any():
+            x, y, yaw = map(float, np.sqrt(variances))
+            sigma = (x, y, yaw)
+        pose = pose.pose
+    child = str(getattr(message, "child_frame_id", "")).lstrip("/")
+    return Pose(stamp_ns, frame_id, child, _xyz(pose.position), _xyzw(pose.orientation), sigma)
+
+
 def _is_identity(pose: Any) -> bool:
     if pose is None or not (hasattr(pose, "position") and hasattr(pose, "orientation")):
         return True
@@ -411,6 +433,7 @@ _CONVERTERS: dict[str, Convert] = {
     CALIBRATION: _calibration,
     LASER: _laser,
     POINTS: _cloud,
+    POSE: _pose,
 }
 
 

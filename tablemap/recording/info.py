@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,12 +17,14 @@ from tablemap.recording.carried import carried_warnings
 from tablemap.recording.decoding import Decoder, DecodingError, Message
 from tablemap.recording.depth import decode_depth, depth_encoding
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
+from tablemap.recording.pose_topics import read_poses
 from tablemap.recording.raw import Channel, Source
 from tablemap.recording.rectification import rectification
 from tablemap.recording.robots import placed
 from tablemap.recording.sources import open_source
 from tablemap.recording.tf.collector import TransformCollector
 from tablemap.recording.tf.frame_roles import FrameNames
+from tablemap.recording.tf.poses import PoseTrack
 from tablemap.recording.topics import (
     Roles,
     Topic,
@@ -133,13 +136,16 @@ def inspect(
         missing = missing_roles(source, roles, known)
         collector, sampled = _sampled_transforms(source, roles, limits)
         frame_roles: FrameNames | None = None
+        localisation: PoseTrack | None = None
         tree = collector.tree()
         if roles.depth is not None and roles.calibration is not None:
             missing += _unfit_calibration(roles.depth, roles.calibration)
-            if roles.transforms:
+            if roles.transforms or roles.poses:
                 try:
-                    tree, frame_roles, roles, said = placed(collector, roles, config)
-                    choices += said
+                    found = placed(collector, roles, config, partial(_poses, source, roles, limits))
+                    tree, frame_roles, roles = found.tree, found.names, found.roles
+                    localisation = found.localisation
+                    choices += found.warnings
                 except RecordingError as error:
                     missing.append(str(error))
     return RecordingInfo(
@@ -150,7 +156,7 @@ def inspect(
         start_ns=source.start_ns,
         end_ns=source.end_ns,
         messages=sum(source.counts.values()),
-        topics=_topic_infos(source, known, roles),
+        topics=_topic_infos(source, known, roles, localisation),
         frames=tuple(
             FrameInfo(edge.parent, edge.child, edge.is_static)
             for child in sorted(tree.edges)
@@ -163,8 +169,12 @@ def inspect(
     )
 
 
-def _topic_infos(source: Source, known: Sequence[Topic], roles: Roles) -> tuple[TopicInfo, ...]:
+def _topic_infos(
+    source: Source, known: Sequence[Topic], roles: Roles, localisation: PoseTrack | None
+) -> tuple[TopicInfo, ...]:
+    used = [] if localisation is None else [localisation.topic]
     roles_of = (
+        *(("pose", topic) for topic in roles.poses if topic.name in used),
         ("depth", roles.depth),
         ("calibration", roles.calibration),
         ("colour", roles.colour),
@@ -246,6 +256,13 @@ def _sampled_transforms(
                         namespace=source.channels[raw.channel_id].topic.rpartition("/")[0],
                     )
     return collector, sampled
+
+
+def _poses(source: Source, roles: Roles, limits: LimitsConfig) -> list[PoseTrack]:
+    """Read the topics of poses, of a long recording some places."""
+    return read_poses(
+        source, roles.poses, limits, read=lambda ids: source.sample(ids, most=_MOST_PLACES)[0]
+    )
 
 
 def _unfit_calibration(depth: Topic, calibration: Topic) -> list[str]:

@@ -102,6 +102,22 @@ class LaserScan:
 
 
 @dataclass(frozen=True)
+class Pose:
+    """A pose in a frame, of ``child_frame`` where the message tells whose it is (else empty).
+
+    ``translation``: metres. ``rotation``: quaternion (x, y, z, w). ``sigma``: standard deviations
+    of x, y (metres) and yaw (radians), NaN where the message has none.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    child_frame: str
+    translation: tuple[float, float, float]
+    rotation: tuple[float, float, float, float]
+    sigma: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
 class TransformStamped:
     """One edge of the TF tree: translation in metres, rotation as quaternion (x, y, z, w)."""
 

@@ -19,13 +19,14 @@ from tablemap.recording.channels import Channels, Stamped, Stamps, only
 from tablemap.recording.decoding import DecodingError
 from tablemap.recording.depth import decode_depth
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
+from tablemap.recording.pose_topics import read_poses
 from tablemap.recording.raw import Source
 from tablemap.recording.rectification import Rectification, rectification
-from tablemap.recording.robots import placed
+from tablemap.recording.robots import Placed, placed
 from tablemap.recording.silence import is_silent, sweep_that_can_be
 from tablemap.recording.sources import open_source
 from tablemap.recording.tf.frame_roles import FrameNames, ground_pose, pose_stamps
-from tablemap.recording.tf.frames import TransformTree
+from tablemap.recording.tf.poses import PoseTrack
 from tablemap.recording.topics import (
     Roles,
     find_roles,
@@ -63,6 +64,7 @@ class Recording:
     start_ns: int
     end_ns: int
     warnings: list[ProcessWarning]
+    _localisation: PoseTrack | None = None
 
     def __init__(
         self,
@@ -88,7 +90,9 @@ class Recording:
         )
         self._rectifications: dict[tuple[int, int], Rectification] = {}
         self._check_first_depth()
-        self.tree, self.names, self.roles = self._place(topics)
+        found = self._place(topics, limits)
+        self.tree, self.names, self.roles = found.tree, found.names, found.roles
+        self._localisation = found.localisation
         self._laser = self._channels.of(self.roles.laser)
         self._pose_stamps = pose_stamps(self.tree, self.names.fixed, self._carrier)
         self.start_ns, self.end_ns = self._span()
@@ -241,6 +245,16 @@ class Recording:
         poses, valid = self.tree.lookup(self.names.fixed, self._carrier, stamps)
         return (ground_pose(poses) if self.names.base_is_virtual else poses), valid
 
+    def localised_sigma(self, stamp_ns: int) -> Floats | None:
+        """Return what the localisation said of its pose: sigmas of x, y (metres) and yaw (radians).
+
+        None where the poses are TF's, which tells none, or no covariance was recorded.
+        """
+        if self._localisation is None:
+            return None
+        sigma = self._localisation.sigmas_at(np.array([stamp_ns], dtype=np.int64))[0]
+        return sigma if np.all(np.isfinite(sigma)) else None
+
     def odom_from_base(self, stamp_ns: int) -> Floats | None:
         """Return the wheel odometry's (4, 4) pose, or None without one."""
         poses, valid = self.odom_from_bases([stamp_ns])
@@ -296,12 +310,17 @@ class Recording:
             "the recording has no depth that could be used."
         )
 
-    def _place(self, config: TopicsConfig) -> tuple[TransformTree, FrameNames, Roles]:
-        """Return the robot's transforms, its frames, and the roles with the laser that it has."""
-        tree, names, roles, warnings = placed(self._channels.collector, self.roles, config)
-        for warning in warnings:
+    def _place(self, config: TopicsConfig, limits: LimitsConfig) -> Placed:
+        """Return the camera's robot: its transforms and frames, and the laser that it has."""
+        found = placed(
+            self._channels.collector,
+            self.roles,
+            config,
+            lambda: read_poses(self.source, self.roles.poses, limits),
+        )
+        for warning in found.warnings:
             self._say_once(warning.code, warning.message)
-        return tree, names, roles
+        return found
 
     def _names_without_silent_laser(self) -> FrameNames:
         """Return the frames, without the laser's where no scan of it has returns, which is said."""

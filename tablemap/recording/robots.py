@@ -6,25 +6,51 @@ frames, or by the prefixes of their frames (``robot1/base_link``) where they sha
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 from tablemap.config import TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
+from tablemap.recording.extrinsics import read_extrinsics
 from tablemap.recording.tf.collector import TransformCollector
 from tablemap.recording.tf.frame_roles import FrameNames, conflicts, find_frames
 from tablemap.recording.tf.frames import TransformTree
+from tablemap.recording.tf.poses import PoseTrack, completed, with_extrinsics
 from tablemap.recording.topics import Roles, Topic, camera_frame, with_laser
 
 
-def placed(
-    collector: TransformCollector, roles: Roles, config: TopicsConfig
-) -> tuple[TransformTree, FrameNames, Roles, list[ProcessWarning]]:
-    """Return the transforms of the camera's own robot, its frames, and the roles with its laser.
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """The camera's own robot: its transforms and frames, and the roles with its laser.
 
-    What was chosen, left out or sent in two ways is said. Raises `RecordingError` where the
-    camera's poses, or whose camera it is, cannot be told.
+    ``localisation`` is the topic of poses that TF lacked, None where TF has them; ``warnings`` say
+    what was chosen, left out or sent in two ways.
+    """
+
+    tree: TransformTree
+    names: FrameNames
+    roles: Roles
+    localisation: PoseTrack | None
+    warnings: list[ProcessWarning]
+
+
+def placed(
+    collector: TransformCollector,
+    roles: Roles,
+    config: TopicsConfig,
+    poses: Callable[[], Sequence[PoseTrack]],
+) -> Placed:
+    """Return the camera's own robot; ``poses`` reads the topics of poses, where TF lacks them.
+
+    Raises `RecordingError` where the camera's poses, or whose camera it is, cannot be told.
     """
     tree, others, warnings = own_tree(collector, roles, robot=config.robot)
+    if config.extrinsics:
+        tree = with_extrinsics(tree, read_extrinsics(Path(config.extrinsics)))
+    camera = camera_frame(roles, tree.frames)
+    tree, localisation, said = completed(tree, poses, camera=camera, config=config)
+    warnings += said
     if collector.rejected:
         message = f"{collector.lost()} were left out, for they are no rigid motions."
         warnings.append(ProcessWarning("recording.damaged", "recording", message))
@@ -33,7 +59,8 @@ def placed(
     own = [topic.frame_id for topic in roles.lasers if topic not in strangers]
     names = find_frames(tree, camera=camera, lasers=own, config=config)
     roles, choices = with_laser(roles, names.laser, strangers)
-    return tree, names, roles, [*warnings, *choices, *conflicts(tree, names)]
+    warnings += [*choices, *conflicts(tree, names)]
+    return Placed(tree, names, roles, localisation, warnings)
 
 
 def own_tree(

@@ -31,6 +31,7 @@ from tablemap.recording.messages import (
     CompressedImage,
     Image,
     LaserScan,
+    Pose,
     TransformStamped,
 )
 from tablemap.recording.raw import Channel, Source
@@ -44,6 +45,10 @@ _SHOWN = {
     *("left", "right", "image", "raw", "rect", "registered", "unregistered", "aligned", "to", "hw"),
     *("sw", "compresseddepth", "compressed", "rvl", "calibration", "confidence", "info", "mono"),
     *("points", "points2", "cloud", "pointcloud", "xyz", "xyzrgb"),
+}
+_NO_POSE = {
+    *("goal", "goals", "target", "initialpose", "initial", "waypoint", "clicked", "cmd", "command"),
+    *("desired", "setpoint", "plan", "path", "grasp", "marker", "object", "detection"),
 }
 _TRANSPORTS = ("compressedDepth", "compressed", "rvl", "theora", "zstd")
 _COLOURS = ("rgb", "bgr", "mono8", "8uc3", "8uc4", "bayer", "yuv", "uyvy", "yuyv", "nv12", "nv21")
@@ -115,7 +120,8 @@ class Topic:
 class Roles:
     """The topics by role; None where the recording has none for it.
 
-    ``lasers`` are all that could be it, best first; ``laser`` is the one that is used.
+    ``lasers`` are all that could be it, best first; ``laser`` is the one that is used. ``poses``
+    tell where something is, beside TF.
     """
 
     depth: Topic | None
@@ -124,6 +130,7 @@ class Roles:
     laser: Topic | None
     transforms: tuple[Topic, ...]
     lasers: tuple[Topic, ...] = ()
+    poses: tuple[Topic, ...] = ()
 
 
 def list_topics(source: Source, limits: LimitsConfig) -> list[Topic]:
@@ -207,7 +214,9 @@ def find_roles(
     laser = given("laser", config.laser, lambda topic: isinstance(topic.first, LaserScan))
     lasers = (laser,) if laser is not None else _lasers(topics, depth)
     if depth is None:
-        roles = Roles(None, None, None, next(iter(lasers), None), _tf(topics), lasers)
+        roles = Roles(
+            None, None, None, next(iter(lasers), None), _tf(topics), lasers, _poses(topics, config)
+        )
         return roles, warnings
 
     calibration = given("calibration", config.calibration, lambda topic: topic in calibrations)
@@ -231,7 +240,8 @@ def find_roles(
         if related or len({topic.camera for topic in colours}) == 1:
             colour = min(related or colours, key=lambda topic: _colour_rank(topic, depth))
     first = next(iter(lasers), None)
-    return Roles(depth, calibration, colour, first, _tf(topics), lasers), warnings
+    roles = Roles(depth, calibration, colour, first, _tf(topics), lasers, _poses(topics, config))
+    return roles, warnings
 
 
 def with_laser(
@@ -393,6 +403,17 @@ def _tf(topics: Sequence[Topic]) -> tuple[Topic, ...]:
     return tuple(topic for topic in topics if topic.kind == TRANSFORMS)
 
 
+def _poses(topics: Sequence[Topic], config: TopicsConfig) -> tuple[Topic, ...]:
+    """Return the topics that tell where something is, and not where it is to be."""
+    asked_for = config.pose.strip("/")
+    return tuple(
+        topic
+        for topic in topics
+        if isinstance(topic.first, Pose)
+        and (topic.name.strip("/") == asked_for or not topic.words & _NO_POSE)
+    )
+
+
 def _given(
     topics: Sequence[Topic],
     names: Sequence[str],
@@ -487,7 +508,7 @@ def missing_roles(source: Source, roles: Roles, topics: Sequence[Topic]) -> list
             "No calibration of the depth camera was found (sensor_msgs/CameraInfo or "
             f"foxglove.CameraCalibration); record its camera_info topic; {has}."
         )
-    if not roles.transforms:
+    if not (roles.transforms or roles.poses):
         missing.append(
             "No poses were found (/tf, /tf_static or foxglove.FrameTransforms); record them with "
             f"the localisation running; {has}."

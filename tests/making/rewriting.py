@@ -234,6 +234,20 @@ def _foxglove(entry: Entry) -> Any:
         "timestamp": _timestamp(message.header.stamp),
         "frame_id": message.header.frame_id,
     }
+    if entry.type in ("PoseStamped", "PoseWithCovarianceStamped"):
+        pose = message.pose.pose if hasattr(message.pose, "covariance") else message.pose
+        return fm.PoseInFrame(
+            **about,
+            pose=fm.Pose(
+                position=fm.Vector3(x=pose.position.x, y=pose.position.y, z=pose.position.z),
+                orientation=fm.Quaternion(
+                    x=pose.orientation.x,
+                    y=pose.orientation.y,
+                    z=pose.orientation.z,
+                    w=pose.orientation.w,
+                ),
+            ),
+        )
     if entry.type == "LaserScan":
         end = message.angle_min + message.angle_increment * (len(message.ranges) - 1)
         return fm.LaserScan(

@@ -5,13 +5,13 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tablemap.geometry import Floats, Pose2, interpolate, wrap_angles
+from tablemap.inputs import Input
 from tablemap.recording import FrameNames, Recording
 from tablemap.recording.messages import CompressedImage, LaserScan
 from tablemap.stages.snapshots import Camera, Snapshot
@@ -104,7 +104,7 @@ class Drive:
             "laser" if self.laser else None,
         )
         self.start_ns, self.end_ns = int(self.stamps[0]), int(self.stamps[-1])
-        self.path = Path("drive.mcap")
+        self.input = Input.of("drive.mcap")
         self.warnings: list[object] = []
 
     @staticmethod

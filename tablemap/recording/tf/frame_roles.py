@@ -26,9 +26,9 @@ MAX_TILT = np.radians(5.0)
 MAX_RISE = 0.10
 _DRIVEN_METRES = 0.05
 
-_FIXED_NAMES = ("map", "world", "earth", "odom", "odom_combined", "vicon", "mocap")
-_ODOM_NAMES = ("odom", "odom_combined", "odometry", "wheel_odom")
-_BASE_NAMES = (
+FIXED_NAMES = ("map", "world", "earth", "odom", "odom_combined", "vicon", "mocap")
+ODOM_NAMES = ("odom", "odom_combined", "odometry", "wheel_odom")
+BASE_NAMES = (
     "base_footprint",
     "base_link",
     "base",
@@ -131,11 +131,11 @@ def _fixed(tree: TransformTree, camera: str, given: str) -> str:
             f"The depth camera's frame {camera!r} is not in the TF tree, whose frames are "
             f"{', '.join(tree.frames[:12])}; record /tf_static too, from the start."
         )
-    for frame in _named(tree, _FIXED_NAMES):
+    for frame in _named(tree, FIXED_NAMES):
         if tree.connected(frame, camera):
             return frame
     root = tree.root(camera)
-    is_base = root.rpartition("/")[2] in _BASE_NAMES
+    is_base = root.rpartition("/")[2] in BASE_NAMES
     if is_base or not tree.moving_edges(root, camera):
         raise RecordingError(
             f"The depth camera's poses are unknown: the TF tree knows it only within {root!r}, and "
@@ -151,7 +151,7 @@ def _base(tree: TransformTree, names: FrameNames, given: str) -> str | None:
         tree.path(names.fixed, given)
         return given
     between = [edge.child for edge in tree.path(names.fixed, names.camera)[1]]
-    named = [frame for frame in _named(tree, _BASE_NAMES) if _belongs(tree, names, frame)]
+    named = [frame for frame in _named(tree, BASE_NAMES) if _belongs(tree, names, frame)]
     named.sort(key=lambda frame: frame not in between)  # another robot's base is not on the way
     for frame in named:
         if frame != names.fixed and _is_planar(tree, names.fixed, frame):
@@ -202,7 +202,7 @@ def _odom(tree: TransformTree, names: FrameNames, carrier: str, given: str) -> s
     if given:
         tree.path(given, carrier)
         return given
-    for frame in _named(tree, _ODOM_NAMES):
+    for frame in _named(tree, ODOM_NAMES):
         if not tree.connected(frame, carrier) or not tree.moving_edges(frame, carrier):
             continue
         up_frame, up_carrier = tree.path(frame, carrier)

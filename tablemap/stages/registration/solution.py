@@ -55,12 +55,19 @@ def odometry_edges(snapshots: Sequence[Snapshot], odometry: Odometry) -> list[Ed
 
 
 def localisation_anchors(snapshots: Sequence[Snapshot], sensors: SensorsConfig) -> list[Anchor]:
-    """Hold each snapshot loosely at its localised pose; one that has jumped lets go."""
+    """Hold each snapshot loosely at its localised pose; one that has jumped lets go.
+
+    A pose that was said to be less sure than is believed of any counts less.
+    """
     heading = np.radians(sensors.localisation_sigma_deg)
-    sigma = np.array([sensors.localisation_sigma, sensors.localisation_sigma, heading])
-    information = np.diag(1.0 / sigma**2)
+    believed = np.array([sensors.localisation_sigma, sensors.localisation_sigma, heading])
+
+    def information(said: Floats | None) -> Floats:
+        sigma = believed if said is None else np.maximum(believed, said)
+        return np.diag(1.0 / sigma**2)
+
     return [
-        Anchor(i, snapshot.map_from_base, information, _ANCHOR_ROBUST)
+        Anchor(i, snapshot.map_from_base, information(snapshot.localised_sigma), _ANCHOR_ROBUST)
         for i, snapshot in enumerate(snapshots)
     ]
 

@@ -63,7 +63,8 @@ class Snapshot:
     odometry. ``start_ns`` and ``end_ns`` bound the time that the base stood still,
     or this view's part of it where the camera rested in several directions.
     ``depth_message`` and ``colour_message`` are what was recorded nearest the stamp. ``base_z`` is
-    the height of the base's own origin in the fixed frame, metres.
+    the height of the base's own origin in the fixed frame, metres. ``localised_sigma`` (3,) is what
+    the localisation said of ``map_from_base``: x, y (metres), yaw (radians); None: it said nothing.
     """
 
     index: int
@@ -79,6 +80,7 @@ class Snapshot:
     depth_message: Image | CompressedImage
     colour_message: Image | CompressedImage | None
     base_z: float = 0.0
+    localised_sigma: Floats | None = None
 
     def points_in_base(self) -> Floats:
         """Return (height, width, 3) float64 points in the base, NaN where depth is missing."""

@@ -193,6 +193,7 @@ def _decode(
                 depth_message=middle.message,
                 colour_message=colours.get(viewpoint.middle_ns),
                 base_z=float(fixed_from_base[2, 3]),
+                localised_sigma=recording.localised_sigma(middle.stamp_ns),
             )
         )
 
