@@ -62,11 +62,29 @@ def rank_tables(views: list[View], config: SegmentationConfig) -> tuple[TableCan
             f"the floor, found none in {len(views)} views; point the camera at the table, or "
             "widen segmentation.lowest and segmentation.highest"
         )
-    candidates = sorted(
-        (_weigh(group, config) for group in _group(patches)), key=lambda c: -c.weight
-    )
+    weighed = [_weigh(group, config) for group in _group(patches)]
+    candidates = sorted((_lying_on(c, weighed) for c in weighed), key=lambda c: -c.weight)
     best = replace(candidates[0], chosen=True)
     return (best, *candidates[1:_MOST_CANDIDATES])
+
+
+def _lying_on(candidate: TableCandidate, others: list[TableCandidate]) -> TableCandidate:
+    """Discount what lies on another surface, as the lids of things on a table do."""
+    mine = shapely.Polygon(candidate.hull)
+    for other in others:
+        if not _LEAST_RISE < candidate.height - other.height < _LARGEST_RISE:
+            continue
+        below = shapely.Polygon(other.hull).buffer(_BESIDE)
+        if len(other.views) >= 2 and below.intersection(mine).area > _ON_SHARE * mine.area:
+            reason = f"it lies on a surface that is {other.height:.2f} m high"
+            reasons = "; ".join(each for each in (candidate.reason, reason) if each)
+            return replace(candidate, weight=_ON_WEIGHT * candidate.weight, reason=reasons)
+    return candidate
+
+
+_LEAST_RISE, _LARGEST_RISE = 0.015, 0.35  # metres: how high things on a table are
+_BESIDE = 0.08  # metres by which localised poses spread a surface
+_ON_SHARE, _ON_WEIGHT = 0.7, 0.1
 
 
 def _hull(points: Floats) -> shapely.Geometry:

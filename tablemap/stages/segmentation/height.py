@@ -17,6 +17,8 @@ from tablemap.stages.segmentation.views import LEAST_UPWARD, View, inside, toler
 
 BIN_M = 0.002
 SEARCH_M = 0.06
+KNOWN_M = 0.012
+_APART_M, _APART_SIGMAS = 0.012, 3.0
 LEAST_PIXELS = 150
 BLOCK_PX = 32.0
 _GATE = 0.025  # metres of one view's top round the joint height, at least
@@ -103,6 +105,9 @@ def joint_height(
         value = float(np.average(heights, weights=robust))
     effective = float(robust.sum() ** 2 / np.square(robust).sum())
     scatter = float(np.sqrt(np.average((heights - value) ** 2, weights=robust)))
+    # What is this far off in one view is something that lies on the top there: a book, a tray.
+    apart = max(_APART_SIGMAS * scatter, _APART_M)
+    planes = {i: plane for i, plane in planes.items() if abs(plane.height - value) < apart}
     noise = [
         float(np.nanmedian(v.sigma[m])) for v, m in zip(views, samples, strict=True) if m.any()
     ]
@@ -129,6 +134,10 @@ def _joint_mode(views: list[View], samples: list[NDArray[np.bool_]], height: flo
         return None
     width = max(0.004, 1.5 * float(np.median(widths))) / BIN_M
     smooth = ndimage.gaussian_filter1d(total, width, mode="constant")
+    # The candidate's own height is known to a centimetre or two: a book that covers more of a small
+    # top than is left free lies higher than that.
+    offset = (np.arange(bins) + 0.5) * BIN_M - SEARCH_M
+    smooth = smooth * np.exp(-0.5 * (offset / KNOWN_M) ** 2)
     return float(height - SEARCH_M + (int(np.argmax(smooth)) + 0.5) * BIN_M)
 
 

@@ -16,6 +16,7 @@ FLOOR_M = 0.04
 _LEAST_TOLERANCE, _MOST_TOLERANCE = 0.006, 0.035  # metres round the top's plane
 STANDING_M = 0.06  # what stands on the top begins this close above it
 RIM_M = 0.04
+_LEVEL_SHARE = 0.2  # of a surface: normals mean little near its edges, and a wall has none
 # How much of a surface must lie within reach of the table's place to be part of the same top:
 # with clutter that leads over to it, and with missing depth alone between.
 BRIDGED_SHARE, NEAR_SHARE = 0.3, 0.5
@@ -92,7 +93,7 @@ def _surfaces(view: View, in_band: NDArray[np.bool_]) -> NDArray[np.int32]:
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
     levels = np.bincount(labels[level], minlength=count + 1)
     knowns = np.bincount(labels[known], minlength=count + 1)
-    keep = (sizes >= 60) & (levels >= 0.5 * np.maximum(knowns, 1))
+    keep = (sizes >= 60) & (levels >= _LEVEL_SHARE * np.maximum(knowns, 1))
     keep[0] = False
     kept: NDArray[np.int32] = np.where(keep[labels], labels, 0).astype(np.int32)
     return kept

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
 
@@ -22,7 +23,7 @@ MERGE_HEIGHT = 0.04
 """Metres that a surface's height may differ between patches and between views."""
 
 _TOLERANCE = 0.015  # metres round a surface's height, at least
-_LEAST_AREA = 0.03  # square metres of a surface in one view: smaller ones are boxes
+_LEAST_AREA = 0.012  # square metres
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +68,12 @@ def find_patches(view: View, config: SegmentationConfig) -> list[Patch]:
         if level is None:
             break
         with np.errstate(invalid="ignore"):
-            near = left & (np.abs(z - np.float32(level)) <= band)
+            in_band = np.abs(z - np.float32(level)) <= band
+        near = left & in_band
         left &= ~near
+        # Normals mean little close to an edge: between things that stand on a top, nowhere else
+        # may be left of it. What borders on the surface at its height is part of it.
+        near = in_band & (ndimage.maximum_filter(near.view(np.uint8), _RIM_PX) > 0)
         labels, count = ndimage.label(ndimage.binary_opening(near, np.ones((3, 3))))
         if count == 0:
             continue
@@ -153,6 +158,30 @@ def _gaze(base_from_camera: Floats, height: float, places: Floats) -> float:
     return float(np.linalg.norm(places - target, axis=1).min())
 
 
+_RIM_PX = 11
+_UNDER_M = 0.12  # below a top this far the space under it begins
+
+
+_LEAST_CELLS = 6
+
+
+def _count(region: NDArray[np.bool_], cells: NDArray[np.int64]) -> int:
+    """Return in how many cells of a region there are at least two of the given ones."""
+    hits = np.zeros(region.shape, dtype=np.int64)
+    np.add.at(hits, tuple(cells.T), 1)
+    return int((region & (hits >= 2)).sum())
+
+
+def _convex(grid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the convex hull of a grid's cells."""
+    hull = shapely.MultiPoint(np.argwhere(grid)).convex_hull.buffer(0.5)
+    rows, columns = np.indices(grid.shape)
+    inside: NDArray[np.bool_] = shapely.contains_xy(hull, rows.ravel(), columns.ravel()).reshape(
+        grid.shape
+    )
+    return inside
+
+
 def _surroundings(
     view: View, cells: NDArray[np.int64], height: float
 ) -> tuple[float | None, float]:
@@ -167,11 +196,13 @@ def _surroundings(
     grid = np.zeros(shape, dtype=bool)
     grid[tuple((cells - low).T)] = True
     grid = ndimage.binary_fill_holes(ndimage.binary_closing(grid, np.ones((3, 3))))
-    inner = ndimage.binary_erosion(grid, np.ones((3, 3)), iterations=2)
-    rim = ndimage.binary_dilation(grid, np.ones((3, 3)), iterations=2) & ~inner
+    whole = _convex(grid)
+    inner = ndimage.binary_erosion(whole, np.ones((3, 3)), iterations=2)
+    rim = ndimage.binary_dilation(whole, np.ones((3, 3)), iterations=2) & ~inner
     z = view.points[..., 2]
+    camera = view.snapshot.base_from_camera[:3, 3]
     with np.errstate(invalid="ignore"):
-        lower = z < height - 0.12
+        lower = z < height - _UNDER_M
         upper = (z > height + 0.10) & (z < height + 0.70)
 
     def where(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
@@ -180,14 +211,27 @@ def _surroundings(
         fits = np.all((index >= 0) & (index < np.array(shape)), axis=1)
         return index[fits], points[fits, 2]
 
+    def crossing(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Return the cells in which the rays to some points pass a plane just under the top."""
+        share = (camera[2] - (height - _UNDER_M)) / (camera[2] - z[mask])
+        passed = camera[:2] + share[:, None] * (view.points[mask][:, :2] - camera[:2])
+        index = np.floor(passed / CELL_M).astype(np.int64) - low
+        fits: NDArray[np.int64] = index[np.all((index >= 0) & (index < np.array(shape)), axis=1)]
+        return fits
+
     under, heights = where(lower)
-    beneath = int(inner[tuple(under.T)].sum())
-    front = int((rim[tuple(under.T)] & (heights > 0.08)).sum())
+    # What was seen under it; and a ray that passes under the top met no front, wherever it ends.
+    through = np.concatenate([under, crossing(lower)]) if camera[2] > height else under
+    # Cells and not pixels: a leg fills many pixels of few cells, a front all that it stands in.
+    beneath = _count(inner, through)
+    front = _count(rim, under[heights > 0.08])
     rising, _ = where(upper)
     raised = np.zeros(shape, dtype=bool)
     raised[tuple(rising.T)] = True
+    # What rises amid the surface stands on it; a backrest or a wall rises beyond it.
+    raised &= ~whole
     edge = grid & ~ndimage.binary_erosion(grid, np.ones((3, 3)))
     near_raised = ndimage.binary_dilation(raised, np.ones((3, 3)), iterations=2)
     walled = float((edge & near_raised).sum() / max(int(edge.sum()), 1))
     seen = beneath + front
-    return (beneath / seen if seen >= 50 else None), walled
+    return (beneath / seen if seen >= _LEAST_CELLS else None), walled
