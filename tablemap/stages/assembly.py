@@ -21,7 +21,7 @@ from tablemap.stages.segmentation import Segmentation
 from tablemap.stages.snapshots import Snapshot, Snapshots
 from tablemap.stages.surface import Figure, Surface
 
-_CREDIBLE_SIGMAS = 2.0  # of the registration, RMS over all corrections
+_CREDIBLE_SIGMAS = 1.0  # of the registration, RMS over all corrections
 
 
 @dataclass(frozen=True, eq=False)

@@ -67,6 +67,40 @@ def place_in_map(relative: Floats, localised: Floats) -> tuple[Pose2, Floats]:
     return fit, np.asarray(covariance, dtype=np.float64)
 
 
+def stretched(relative: Floats, localised: Floats, *, sigma: float) -> tuple[Floats, float]:
+    """Stretch poses (n, 3) about their middle as far as the ``localised`` ones (n, 3) ask for.
+
+    Poses from depth alone carry the errors of depth scale and focal length: the whole drive comes
+    out too small, or too large, by percents. A localisation wanders, but it keeps its scale.
+    ``sigma`` is the prior standard deviation of the stretch, a share. Returns the poses and what is
+    left of that sigma.
+    """
+    fit, _ = place_in_map(relative, localised)
+    places = _once_a_place(relative)
+    arms = relative[places, :2] - relative[places, :2].mean(axis=0)
+    asked = fit.inverse().apply(localised[places, :2])
+    asked = asked - relative[places, :2].mean(axis=0)
+    residual = asked - arms
+    weight = 1.0 / (1.0 + np.sum(residual**2, axis=1) / _KERNEL**2) ** 2
+    spread = float(weight @ np.sum(residual**2, axis=1)) / max(2 * float(weight.sum()), 1e-9)
+    spread = max(spread, _LEAST_WANDER**2)
+    information = float(weight @ np.sum(arms**2, axis=1)) / spread
+    scaled = np.column_stack([residual, np.zeros(len(residual))])
+    information *= _independent(scaled, weight) / len(residual)
+    precision = information + sigma**-2.0
+    share = float(weight @ np.sum(arms * residual, axis=1)) / max(
+        float(weight @ np.sum(arms**2, axis=1)), 1e-9
+    )
+    stretch = share * information / precision
+    result = relative.copy()
+    middle = relative[:, :2].mean(axis=0)
+    result[:, :2] = middle + (1.0 + stretch) * (relative[:, :2] - middle)
+    return result, float(precision**-0.5)
+
+
+_LEAST_WANDER = 0.01  # metres: a localisation is no better than this
+
+
 def bend_trajectory(
     trajectory: Trajectory, stamps_ns: Sequence[int], poses: Sequence[Pose2]
 ) -> Trajectory:

@@ -17,12 +17,14 @@ from tablemap.stages.outline import Outline
 from tablemap.stages.registration.depth.depth import register_depth
 from tablemap.stages.registration.laser.laser import register_laser
 from tablemap.stages.registration.laser.stops import stop_scan
-from tablemap.stages.registration.placement import bend_trajectory, place_in_map
+from tablemap.stages.registration.placement import bend_trajectory, place_in_map, stretched
 from tablemap.stages.registration.result import Registration, StopScan
 from tablemap.stages.registration.solution import Solution
 from tablemap.stages.snapshots import Snapshot
 
 _LEAST_STOP_POINTS = 40
+_DEPTH_EXCESS = 2.0
+"""How many times their formal sigmas poses from depth alone err: so it is on real drives."""
 _WANDERS = 0.10  # metres: a localisation that spreads further is worth a warning
 
 
@@ -73,13 +75,20 @@ def register(
                 sensors=sensors,
                 record=record,
             )
-        fit, placement = place_in_map(solution.poses, localised)
-    poses = tuple(fit @ Pose2.from_array(pose) for pose in solution.poses)
+        relative, covariance = solution.poses, solution.covariance
+        stretch_sigma = sensors.laser_range_scale_sigma
+        if solution.source != "laser":
+            relative, stretch_sigma = stretched(
+                relative, localised, sigma=sensors.drive_scale_sigma
+            )
+            covariance = _DEPTH_EXCESS**2 * covariance
+        fit, placement = place_in_map(relative, localised)
+    poses = tuple(fit @ Pose2.from_array(pose) for pose in relative)
     warnings = [*solution.warnings, *_missing(stops, snapshots, solution)]
     warnings += _doubts(solution, snapshots, poses, localised)
     return Registration(
         map_from_base=poses,
-        covariance=_turned(solution.covariance, fit.rotation),
+        covariance=_turned(covariance, fit.rotation),
         placement_covariance=placement,
         graph_before=tuple(Pose2.from_array(pose) for pose in initial),
         used=tuple(check.passed for check in solution.checks),
@@ -90,7 +99,7 @@ def register(
         source=solution.source,
         systematic=solution.systematic,
         warnings=tuple(warnings),
-        stretch_sigma=sensors.laser_range_scale_sigma if solution.source == "laser" else 0.0,
+        stretch_sigma=stretch_sigma,
     )
 
 
