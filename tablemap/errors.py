@@ -50,15 +50,18 @@ WARNING_CODES: dict[str, str] = {
         "The floor is not at z = 0 of the fixed frame; heights count from where it is."
     ),
     "surface.inferred_side": "A side was seen only in part, but enough to know where it ends.",
-    "surface.depth_scale": "The edges doubt the camera's height in TF, or the laser's ranges.",
-    "calibration.focal_length": "The floor shows a wrong focal length; it was corrected.",
     "segmentation.table_tie": "Several surfaces could be the table; one was chosen.",
     "accuracy.tf_conflict": (
         "Two sources send one transform and disagree; the one that sent most was taken."
     ),
     "accuracy.few_views": "Too few views see the table to check one against another.",
     "accuracy.height_scatter": "The views disagree on the height of the top.",
-    "accuracy.calibration": "The floor asks for a camera tilt or depth scale beyond the plausible.",
+    "accuracy.calibration": (
+        "The floor asks for a camera tilt or depth scale beyond the plausible; it was not applied."
+    ),
+    "accuracy.floor_level": (
+        "The floor lies centimetres beside the base, as of a wrong lens, depth scale or height."
+    ),
     "odometry.bridged": "Part of the way no laser scan could be placed; the wheels bridge it.",
     "odometry.left_open": (
         "The laser saw nothing that holds along one direction, as in a corridor; "

@@ -18,14 +18,14 @@ from tablemap.events import OtherTable, Record, StageFinished, StageStarted, ign
 from tablemap.model import TableModel
 from tablemap.recording import Recording
 from tablemap.stages.assembly import Findings, assemble
-from tablemap.stages.calibration import calibrate
+from tablemap.stages.calibration import calibrate, flatten
 from tablemap.stages.crosscheck import admitted_legs, corrected, cross_check
 from tablemap.stages.legs import Legs, find_legs
 from tablemap.stages.legs.adjoining import find_adjoining, without
 from tablemap.stages.odometry import Trajectory, estimate_odometry
 from tablemap.stages.outline import Outline, find_edges
 from tablemap.stages.registration import register
-from tablemap.stages.segmentation import Segmentation, TableCandidate, segment
+from tablemap.stages.segmentation import Segmentation, TableCandidate, segment, segment_again
 from tablemap.stages.snapshots import take_snapshots
 from tablemap.stages.surface import Surface, fit_surface
 
@@ -95,17 +95,26 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
         taken = take_snapshots(recording, config=config.snapshots, sensors=sensors)
         record(taken)
 
-    # The floor gives away the camera's tilt and the scale of its depth.
+    # The floor gives away the camera's tilt, and how its depth image bends.
     with stage("calibration"):
         calibration = calibrate(taken.snapshots, config=config.calibration, sensors=sensors)
         record(calibration)
-        snapshots = calibration.snapshots
 
-    # Which of the horizontal surfaces is the table, and which pixels show it.
+    # Which of the horizontal surfaces is the table, and which pixels show it. The top is a second
+    # plane, nearer than the floor: with it the camera is adjusted again, and all views are read
+    # anew.
     with stage("segmentation"):
-        segmentation = segment(
-            snapshots, config=config.segmentation, sensors=sensors, near=near, record=record
+        rough = segment(
+            calibration.snapshots,
+            config=config.segmentation,
+            sensors=sensors,
+            near=near,
+            record=record,
         )
+        calibration = flatten(calibration, rough.top(), config=config.calibration)
+        record(calibration)
+        snapshots = calibration.snapshots
+        segmentation = segment_again(snapshots, rough, config=config.segmentation, sensors=sensors)
         record(segmentation)
 
     # KISS-ICP over the laser's scans of the whole drive.

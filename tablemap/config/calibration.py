@@ -23,12 +23,6 @@ class CalibrationConfig(Section):
         description="degrees; images whose roll scatters by more come from a camera held by "
         "hand. Higher: such a camera is believed its height",
     )
-    view_scatter: float = Field(
-        default=0.012,
-        gt=0,
-        description="metres; where the views' floors scatter by more, each view gets a tilt "
-        "and a height of its own. Higher: this is done more rarely",
-    )
     floor_band: float = Field(
         default=0.05,
         gt=0,
@@ -46,24 +40,6 @@ class CalibrationConfig(Section):
         ge=10,
         description="pixels of floor in all views together; fewer say nothing. Higher: the "
         "camera is left as recorded sooner",
-    )
-    focal_tilts: int = Field(
-        default=10,
-        ge=2,
-        description="different tilts of the camera that must have been seen, for the floor to "
-        "show a focal length. Higher: fewer recordings show it",
-    )
-    focal_significance: float = Field(
-        default=4.0,
-        gt=0,
-        description="standard deviations that an error of the focal length must exceed, to be "
-        "corrected. Higher: only clearer errors are corrected",
-    )
-    plausible_focal: float = Field(
-        default=0.1,
-        gt=0,
-        description="share of the focal length; a larger error is not corrected. Higher: "
-        "larger errors are",
     )
     plausible_tilt_deg: float = Field(
         default=2.0,

@@ -116,7 +116,7 @@ class SensorsConfig(Section):
     )
 
     camera_tilt_sigma_deg: float = Field(
-        default=1.0,
+        default=0.4,
         gt=0,
         description="degrees; error of the camera's roll and pitch in TF (sigma). Higher: the "
         "floor may tilt the camera further",
@@ -128,7 +128,7 @@ class SensorsConfig(Section):
         "(sigma). Higher: tilts prove less about the focal length",
     )
     camera_height_sigma: float = Field(
-        default=0.005,
+        default=0.003,
         gt=0,
         description="metres; error of the camera's height in TF (sigma). Higher: the floor says "
         "less about the depth's scale",
@@ -152,14 +152,20 @@ class SensorsConfig(Section):
         description="metres; error of the height of a camera held by hand, as it is tracked "
         "(sigma). Higher: as for `camera_height_sigma`",
     )
+    view_pan_sigma_deg: float = Field(
+        default=0.1,
+        gt=0,
+        description="degrees; error of the head's heading in a single view (sigma). Higher: each "
+        "view's edges may turn further about their camera",
+    )
     view_tilt_sigma_deg: float = Field(
-        default=0.5,
+        default=0.12,
         gt=0,
         description="degrees; tilt of a single view beside the common one, where the views' floors "
         "disagree (sigma). Higher: each view follows its own floor more",
     )
     view_height_sigma: float = Field(
-        default=0.02,
+        default=0.0005,
         gt=0,
         description="metres; the same of a single view's height. Higher: each view follows its own "
         "floor more",
@@ -183,8 +189,14 @@ class SensorsConfig(Section):
         description="share of the focal length; the error that nothing in a drive without a laser "
         "shows (sigma). Higher: the views' places, and so the dimensions, are less certain",
     )
+    camera_focal_sigma: float = Field(
+        default=0.0015,
+        gt=0,
+        description="share of the focal length; its error where the views do not show it (sigma). "
+        "Higher: larger sigmas of the dimensions",
+    )
     depth_scale_sigma: float = Field(
-        default=0.015,
+        default=0.008,
         gt=0,
         description="share of a depth; error of the depth's scale before the floor is seen "
         "(sigma). Higher: the floor may change it further",

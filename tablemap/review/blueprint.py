@@ -134,7 +134,15 @@ def _views(scene: Scene) -> rrb.Container:
         "- /camera/depth",
         "- /camera/colour",
     ]
-    last: list[Contents] = [_text("/calibration/summary", "Calibration")]
+    flatness = rrb.Grid(
+        *[
+            rrb.Spatial2DView(origin=f"/calibration/{surface}_{when}", name=f"{surface} {when}")
+            for surface in ("floor", "top")
+            for when in ("before", "after")
+        ],
+        name="Flatness (red 15 mm too high, blue too low)",
+    )
+    last: list[Contents] = [_text("/calibration/summary", "Calibration"), flatness]
     if scene.has_colour:
         last.insert(0, rrb.Spatial2DView(origin="/camera/colour", name="Colour"))
     return _beside(

@@ -27,6 +27,7 @@ EDGES: dict[EdgeKind, tuple[str, Colour]] = {
     EdgeKind.BORDER: ("image_border", (130, 130, 140)),
     EdgeKind.OCCLUDED: ("occluded", (245, 150, 50)),
     EdgeKind.MISSING: ("no_depth", (170, 120, 230)),
+    EdgeKind.BENT: ("bent_depth", (190, 160, 120)),
 }
 STATUS: dict[str, Colour] = {
     "measured": (90, 215, 120),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from tablemap.geometry import Floats, transform
@@ -24,6 +25,8 @@ SHOWN_WIDTH = 640
 CLOUD_WIDTH = 110
 INSIDE_CELLS = 5
 MOST_IN_SIGHT = 4
+RESIDUAL_RANGE_M = 0.015
+BLOCK_PX = 20
 
 
 class Perception:
@@ -35,12 +38,17 @@ class Perception:
     def log_calibration(self, stream: Stream, calibration: Calibration) -> None:
         """Log what the floor said about the camera."""
         self._snapshots = calibration.snapshots
+        stream.scene.laser_height += calibration.floor_z - stream.scene.floor_z
         stream.scene.floor_z = calibration.floor_z
-        stream.scene.laser_height += calibration.floor_z
         stream.hold()
         stream.text("calibration/summary", text.calibration(calibration))
         shown = (calibration.floor_rms_before * 1000, calibration.floor_rms_after * 1000)
         stream.log_flat("calibration/floor_rms_mm", rr.BarChart(np.array(shown)))
+        for surface, seen in (("floor", calibration.floor), ("top", calibration.top)):
+            if seen is not None:
+                for when, metres in (("before", seen.before), ("after", seen.after)):
+                    image = _residual_image(metres)
+                    stream.log_flat(f"calibration/{surface}_{when}", rr.Image(image))
 
     def log_segmentation(self, stream: Stream, segmentation: Segmentation) -> None:
         """Log labels in colours, as images and as points, and the candidate tables."""
@@ -139,3 +147,13 @@ def _log_hulls(
             show_labels=show_labels,
         ),
     )
+
+
+def _residual_image(metres: Floats) -> NDArray[np.uint8]:
+    """Colour heights above level: red too high, blue too low, grey not seen."""
+    share = np.clip(np.nan_to_num(metres) / RESIDUAL_RANGE_M, -1.0, 1.0)[..., None]
+    high, low, level = np.array([200, 50, 40]), np.array([40, 90, 200]), np.array([240, 240, 240])
+    colour = level + np.abs(share) * (np.where(share > 0, high, low) - level)
+    colour[~np.isfinite(metres)] = 120
+    block = np.ones((BLOCK_PX, BLOCK_PX, 1))
+    return np.asarray(np.kron(colour, block), dtype=np.uint8)

@@ -21,7 +21,8 @@ from tablemap.stages.surface import Surface
 
 LEGEND = (
     "Edge points: green the table's, orange where something stood before or on it, violet where "
-    "depth was missing. Sides, numbered: green measured, amber inferred, red unseen; beside them "
+    "depth was missing, brown where the depth image bends away. Sides, numbered: green "
+    "measured, amber inferred, red unseen; beside them "
     "their 95 % bands, in the middle (blue) the place's, magnified as the summary says."
 )
 SAME_PLACE_M = 0.02
@@ -30,9 +31,10 @@ SAME_PLACE_M = 0.02
 def calibration(result: Calibration) -> str:
     """Return the camera's corrections."""
     sigmas = np.sqrt(np.maximum(np.diag(result.covariance), 0.0))
+    own = np.sqrt(np.mean(result.adjustment.own**2, axis=0))
     return "\n".join(
         [
-            "## Camera, from the floor",
+            "## Camera, from the floor" + (" and the top" if result.sees_top else ""),
             table(
                 ("correction", "value"),
                 [
@@ -40,6 +42,9 @@ def calibration(result: Calibration) -> str:
                     ("pitch", f"{np.degrees(result.pitch):.3f} ± {np.degrees(sigmas[1]):.3f}°"),
                     ("depth scale", f"{result.depth_scale:.5f} ± {sigmas[2]:.5f}"),
                     ("height", f"{1000 * result.height_correction:.1f} mm"),
+                    ("depth bends", f"{100 * result.adjustment.size:.0f} % of what is usual"),
+                    ("views' own tilt", f"{np.degrees(own[:2].max()):.2f}° rms"),
+                    ("views' own height", f"{1000 * own[2]:.1f} mm rms"),
                     ("floor pixels", result.floor_pixels),
                     ("floor rms before", f"{1000 * result.floor_rms_before:.1f} mm"),
                     ("floor rms after", f"{1000 * result.floor_rms_after:.1f} mm"),

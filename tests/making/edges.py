@@ -239,6 +239,8 @@ def _view(
         is_near=near,
         pixels=np.column_stack([at / closed.length * bench.points * 4, np.zeros(len(at))]),
         camera_xy=camera,
+        drop=0.4,
+        axis=np.array([0.8, 0.0, -0.6]),
         top=base_from_map.apply(top),
         free=base_from_map.apply(free),
     )

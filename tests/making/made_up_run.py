@@ -19,6 +19,8 @@ from tablemap.recording import DepthFrame, FrameNames, Recording
 from tablemap.recording.messages import CompressedImage, Image, LaserScan
 from tablemap.review.images import encode_depth
 from tablemap.stages.calibration import Calibration
+from tablemap.stages.calibration.adjustment import FIELD, Beliefs, Common, unadjusted
+from tablemap.stages.calibration.result import Residuals
 from tablemap.stages.crosscheck import CrossCheck
 from tablemap.stages.legs import Leg, Legs, RejectedCluster
 from tablemap.stages.odometry import Odometry, OdometryMap, OdometryScan, Trajectory
@@ -227,19 +229,7 @@ def results(*, stops: int = 8, seed: int = 1) -> list[object]:
         (SetAside("viewpoint", recording.stamp(2) + 7, "the robot was moving"),),
         "stops",
     )
-    calibration = filled(
-        Calibration,
-        0.001,
-        -0.002,
-        1.003,
-        0.0,
-        np.diag([1e-7, 1e-7, 1e-6]),
-        80_000,
-        0.012,
-        0.004,
-        shots,
-        (),
-    )
+    calibration = _calibration(shots)
     segmented = _segmentation(recording, shots)
     outlined, surface, legs = _outline(poses, rng), _surface(poses, rng), _legs(rng)
     parts: list[list[object]] = [
@@ -257,6 +247,36 @@ def results(*, stops: int = 8, seed: int = 1) -> list[object]:
     for index, (name, part) in enumerate(zip(pipeline.STAGES, parts, strict=True)):
         run += [StageStarted(name, index), *part, StageFinished(name, index, 0.3 + 0.2 * index)]
     return [*run, table_model(recording, poses), *beside(outlined, surface, legs)]
+
+
+def _calibration(shots: tuple[Snapshot, ...]) -> Calibration:
+    beliefs = Beliefs(
+        Common(roll=0.004, pitch=0.004, height=0.003),
+        scale=0.005,
+        view_tilt=0.002,
+        view_lift=0.0005,
+        bends=True,
+    )
+    known = unadjusted(beliefs, len(shots))
+    values = known.values.copy()
+    values[:2] = 0.001, -0.002
+    values[FIELD.start : FIELD.start + 4] = 0.003, 0.001, 0.0, 0.004
+    columns, rows = np.meshgrid(np.linspace(-1, 1, 16), np.linspace(-1, 1, 12))
+    bowl = 0.006 * (columns**2 + rows**2)
+    return Calibration(
+        adjustment=replace(known, values=values),
+        beliefs=beliefs,
+        floor_pixels=80_000,
+        floor_rms_before=0.012,
+        floor_rms_after=0.004,
+        recorded=shots,
+        snapshots=shots,
+        warnings=(),
+        turns=np.zeros(len(shots)),
+        floor=Residuals(before=bowl, after=0.1 * bowl),
+        top=Residuals(before=0.5 * bowl, after=0.05 * bowl),
+        sees_top=True,
+    )
 
 
 def _segmentation(recording: MadeUpRecording, shots: tuple[Snapshot, ...]) -> Segmentation:
@@ -472,6 +492,8 @@ def _outline(poses: tuple[Pose2, ...], rng: np.random.Generator) -> Outline:
                 near,
                 np.zeros((400, 2)),
                 np.array([0.1, 0.0]),
+                0.4,
+                np.array([0.8, 0.0, -0.6]),
                 top,
                 top + 2.0,
             )

@@ -39,6 +39,8 @@ class Seen:
                     is_near=np.zeros(len(ring), dtype=bool),
                     pixels=np.zeros((len(ring), 2)),
                     camera_xy=np.zeros(2),
+                    drop=0.4,
+                    axis=np.array([0.8, 0.0, -0.6]),
                     top=base.apply(grid[inside]),
                     free=base.apply(grid[~inside]),
                 )

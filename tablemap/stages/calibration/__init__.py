@@ -1,6 +1,7 @@
-"""Camera tilt, depth scale and focal length, given away by the floor."""
+"""The camera's tilt, height and depth field, given away by the floor and by the top."""
 
-from tablemap.stages.calibration.result import Calibration
-from tablemap.stages.calibration.stage import calibrate
+from tablemap.stages.calibration.levels import SeenTop
+from tablemap.stages.calibration.result import Calibration, TopBelief
+from tablemap.stages.calibration.stage import calibrate, flatten
 
-__all__ = ["Calibration", "calibrate"]
+__all__ = ["Calibration", "SeenTop", "TopBelief", "calibrate", "flatten"]

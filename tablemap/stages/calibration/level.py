@@ -8,7 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from tablemap.geometry import Floats
-from tablemap.stages.calibration.floor import LEAST_UPWARD
+from tablemap.stages.calibration.levels import LEAST_UPWARD
 from tablemap.stages.snapshots import Snapshot
 from tablemap.stages.snapshots.normals import upward_share
 

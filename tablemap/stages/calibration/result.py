@@ -1,4 +1,4 @@
-"""What the floor of all views says about the camera."""
+"""What floor and top of all views say about the camera."""
 
 from __future__ import annotations
 
@@ -8,80 +8,134 @@ import numpy as np
 
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats
+from tablemap.stages.calibration.adjustment import COUNT, FIELD, PLACE, Adjustment, Beliefs
+from tablemap.stages.calibration.field import REFERENCE_M, TERMS, DepthField
 from tablemap.stages.snapshots import Snapshot
 
 
 @dataclass(frozen=True)
-class FocalLength:
-    """The focal length that the floor asks for.
+class TopBelief:
+    """How well the camera knows a level top.
 
-    - ``scale``: factor on fx and fy, with its ``sigma``
-    - ``tilts``: how many different tilts it rests on
-    - ``applied``: whether it is clear enough to correct the snapshots
+    The errors, in this order: the height of the top above the floor (metres); how far the top is
+    from the camera, as a share of that; roll and pitch of the camera (radians).
+
+    covariance: (4, 4)
+    view_tilt: of a single view's roll and pitch, radians
+    view_lift: of a single view's camera above the top, metres
+    is_held: whether the camera was held by a hand
     """
 
-    scale: float
-    sigma: float
-    tilts: int
-    applied: bool
+    covariance: Floats
+    view_tilt: float
+    view_lift: float
+    is_held: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """How far floor or top lie from level over the image, in blocks: metres, NaN where not seen.
+
+    before: (rows, columns), as recorded but for the camera's common tilt and height
+    after: (rows, columns), with the depth field
+    """
+
+    before: Floats
+    after: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """What the floor of all views says about the camera.
+    """What floor and top of all views say about the camera.
 
-    - ``roll``, ``pitch``: radians about the base's x and y axes, or about the head's where the
-      camera errs with a head that turns; they turn the recorded camera into the corrected one
-    - ``depth_scale``: factor on every depth
-    - ``height_correction``: metres that lift the camera where the floor lies beside z = 0
-    - ``covariance``: (3, 3) of roll, pitch and depth scale, priors included
-    - ``floor_pixels``: how many pixels of all views show the floor
-    - ``floor_rms_before``, ``floor_rms_after``: the floor's residuals in metres
-    - ``snapshots``: the corrected ones, in the order given
-    - ``joint_covariance``: (5, 5) of roll, pitch, depth scale, height and an offset of depth; the
-      floor ties the height to the scale, and the offset (metres, added after the scale) is fitted
-      only to depth published in coarse steps, whose rounding is unknown
-    - ``by_view``: by snapshot index (3,) roll, pitch and height on top of the common ones, where
-      the views' floors disagreed
-    - ``focal``: the focal length that the floor asks for, where views tilted differently enough
-      show it; the corrected snapshots have it only where the evidence is clear
-    - ``floor_z``: metres, the floor in the fixed frame; the corrected snapshots count z from it
+    adjustment: tilt, height, depth field and their covariance
+    beliefs: the priors that it was made with
+    floor_pixels: how many pixels of all views show the floor
+    floor_rms_before, floor_rms_after: residuals of the floor, metres
+    floor, top: the same over the image; None where it was not seen
+    sees_top: whether the top took part in the adjustment
+    recorded: the snapshots as recorded, in the order given, z counted from the floor's level
+    snapshots: the corrected ones
+    turns: (views,), radians that the axes of roll and pitch turned with the head
+    floor_z: metres, the floor in the fixed frame; the corrected snapshots count z from it
+    warnings: what was found wrong
     """
 
-    roll: float
-    pitch: float
-    depth_scale: float
-    height_correction: float
-    covariance: Floats
+    adjustment: Adjustment
+    beliefs: Beliefs
     floor_pixels: int
     floor_rms_before: float
     floor_rms_after: float
+    recorded: tuple[Snapshot, ...]
     snapshots: tuple[Snapshot, ...]
     warnings: tuple[ProcessWarning, ...]
-    joint_covariance: Floats
-    by_view: dict[int, Floats]
-    focal: FocalLength | None = None
+    turns: Floats
+    floor: Residuals | None = None
+    top: Residuals | None = None
+    sees_top: bool = False
     floor_z: float = 0.0
 
-    def top_covariance(self, height: float) -> Floats:
-        """Return what the camera leaves unknown of a level top: (3, 3), of its height above the
-        floor in metres, of how far it is from the camera as a share of that, and of the camera's
-        own height in metres.
+    @property
+    def roll(self) -> float:
+        """Radians about the base's x axis, or the head's where the camera errs with a head."""
+        return self.adjustment.common.roll
 
-        A point at that height below a camera at height c has z = c + h + s (z - c): its error is
-        that of h plus (z - c) times that of s, plus what an offset along the ray does.
+    @property
+    def pitch(self) -> float:
+        """Radians about the base's y axis, or the head's where the camera errs with a head."""
+        return self.adjustment.common.pitch
+
+    @property
+    def height_correction(self) -> float:
+        """Metres that the camera is higher than recorded."""
+        return self.adjustment.common.height
+
+    @property
+    def field(self) -> DepthField:
+        """What every depth was multiplied by."""
+        return self.adjustment.field
+
+    @property
+    def depth_scale(self) -> float:
+        """Factor on depths in the middle of the image, at `REFERENCE_M`."""
+        return self.field.at(0.0, 0.0, REFERENCE_M)
+
+    @property
+    def covariance(self) -> Floats:
+        """The (3, 3) covariance of roll, pitch and depth scale."""
+        rows = np.zeros((3, COUNT))
+        rows[0, PLACE["roll"]] = rows[1, PLACE["pitch"]] = rows[2, FIELD.start] = 1.0
+        result: Floats = rows @ self.adjustment.covariance @ rows.T
+        return result
+
+    def top_belief(self, height: float) -> TopBelief:
+        """Return what the camera leaves unknown of a level top at a height above the floor.
+
+        A point there has the height c + m (h - c) below a camera at c whose depth errs by m: an
+        error of the height is one of c and (h - c) times one of m. Where the top took part in the
+        adjustment, it has its height there.
         """
         if not self.snapshots:
-            return np.zeros((3, 3))
+            return TopBelief(np.zeros((4, 4)), 0.0, 0.0, False)
         camera = float(np.median([s.base_from_camera[2, 3] for s in self.snapshots]))
         axis = float(np.median([s.base_from_camera[2, 2] for s in self.snapshots]))
-        drop = min(height - camera, -0.1)
-        gradient = np.array(
-            [
-                [0.0, 0.0, drop, 1.0, axis],
-                [0.0, 0.0, 1.0, 0.0, axis / drop],
-                [0.0, 0.0, 0.0, 1.0, 0.0],
-            ]
+        drop = max(camera - height, 0.1)
+        rows = np.zeros((4, COUNT))
+        if self.sees_top:
+            rows[0, PLACE["top"]] = 1.0
+        else:
+            growth = FIELD.start + len(TERMS)
+            rows[0, PLACE["height"]] = 1.0
+            rows[0, FIELD.start] = -drop
+            rows[0, growth] = -drop * (drop / max(-axis, 0.1) - REFERENCE_M)
+            rows[0, PLACE["offset"]] = axis
+        rows[1] = -rows[0] / drop
+        rows[1, PLACE["height"]] += 1.0 / drop
+        rows[2, PLACE["roll"]] = rows[3, PLACE["pitch"]] = 1.0
+        own = np.sqrt(np.mean(self.adjustment.own_sigma**2, axis=0))
+        return TopBelief(
+            covariance=rows @ self.adjustment.covariance @ rows.T,
+            view_tilt=float(np.hypot(own[0], own[1]) / np.sqrt(2)),
+            view_lift=float(own[2]),
+            is_held=self.beliefs.common.lean_x > 0,
         )
-        result: Floats = gradient @ self.joint_covariance @ gradient.T
-        return result

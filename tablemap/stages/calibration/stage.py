@@ -1,50 +1,90 @@
-"""From snapshots to corrected ones: tilt, scale, height, and the focal length where it shows."""
+"""From snapshots to corrected ones: tilt, height and depth field of the camera."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from tablemap.config import CalibrationConfig, SensorsConfig
 from tablemap.errors import ProcessWarning
-from tablemap.geometry import Floats
-from tablemap.stages.calibration.fit import COMMON, fit_axes, fit_floor, views_apart
-from tablemap.stages.calibration.floor import Floor, collect_floor, correction, residuals
-from tablemap.stages.calibration.focal import estimate_focal, with_focal
+from tablemap.geometry import Bools, Floats
+from tablemap.stages.calibration.adjustment import (
+    CLOSE_GATES_M,
+    COUNT,
+    FIELD,
+    NAMES,
+    PLACE,
+    WIDE_GATES_M,
+    Adjustment,
+    Beliefs,
+    Common,
+    adjust,
+    residuals,
+    unadjusted,
+    view_tilts,
+)
+from tablemap.stages.calibration.field import REFERENCE_M
 from tablemap.stages.calibration.level import floor_level, lowered
-from tablemap.stages.calibration.result import Calibration, FocalLength
+from tablemap.stages.calibration.levels import Samples, SeenTop, collect
+from tablemap.stages.calibration.result import Calibration, Residuals
 from tablemap.stages.snapshots import Snapshot
+from tablemap.stages.snapshots.noise import coarse_step
+
+_LEAST_FLOOR_SHARE = 0.15
+_IMPLAUSIBLE_SIGMAS = 2.0
+_MAP_SHAPE = (12, 16)  # blocks of the image in which residuals are shown
 
 
 def calibrate(
     snapshots: tuple[Snapshot, ...], *, config: CalibrationConfig, sensors: SensorsConfig
 ) -> Calibration:
-    """Fit camera tilt and depth scale to the floor pixels of all views.
+    """Adjust the camera's tilt, height and depth field to the floor of all views.
 
-    A robust Gauss-Newton fit of z = 0 with priors. On a flat floor seen from one height the scale
-    and the camera's height in TF cannot be told apart: the priors share the offset out, and the
-    covariance keeps what they leave open. Where the views' floors disagree (a camera held by hand)
-    each view also gets a small tilt and height of its own. A focal length that is clearly wrong is
-    corrected first, as it would pass for a tilt and a scale. A floor that is not near z = 0, or
-    that is so only with an implausible scale, is looked for at other heights.
+    On a flat floor seen from one height the scale of the depth and the camera's height in TF cannot
+    be told apart: the priors share the offset out, and the covariance keeps what they leave open. A
+    floor that is not near z = 0, or that is so only with an implausible scale, is looked for at
+    other heights. `flatten` adds the table's top once that is known.
     """
-    floor = collect_floor(snapshots, config)
-    result = _calibrate(snapshots, floor, config, sensors)
-    missed = floor is None or floor.pixels < config.least_floor_pixels
-    if not missed and abs(result.depth_scale - 1) <= config.plausible_scale:
+    beliefs = _beliefs(snapshots, config, sensors)
+    result = _calibrated(snapshots, collect(snapshots, config), beliefs, config)
+    missed = result.floor_pixels < config.least_floor_pixels
+    if not missed and not _excess(result.adjustment, config):
         return result
     level = floor_level(snapshots)
-    if level is None or abs(level) < (config.floor_band if missed else config.least_level):
-        return result
-    found = _at_level(snapshots, level, config, sensors)
-    doubted = any(w.code == "accuracy.calibration" for w in found.warnings)
-    return result if doubted and not missed else found
+    if level is not None and abs(level) >= (config.floor_band if missed else config.least_level):
+        found = _at_level(snapshots, level, beliefs, config, sensors)
+        if missed or not _excess(found.adjustment, config):
+            result = found
+    return _believed(result, config)
+
+
+def flatten(calibration: Calibration, top: SeenTop, *, config: CalibrationConfig) -> Calibration:
+    """Adjust the camera again, to the floor and to the top that a first segmentation found.
+
+    Two planes at two distances show how the depth field grows, and how high the top is. Where the
+    first adjustment was not believed, nor is this.
+    """
+    if any(w.code == "accuracy.calibration" for w in calibration.warnings):
+        return calibration
+    snapshots = calibration.recorded
+    samples = collect(snapshots, config, corrected=calibration.snapshots, top=top)
+    if samples is None or not samples.is_top.any():
+        return calibration
+    result = _calibrated(snapshots, samples, calibration.beliefs, config)
+    known = {warning.code for warning in calibration.warnings}
+    new = [warning for warning in result.warnings if warning.code not in known]
+    warnings = (*calibration.warnings, *new)
+    return _believed(
+        replace(result, sees_top=True, floor_z=calibration.floor_z, warnings=warnings), config
+    )
 
 
 def _at_level(
     snapshots: tuple[Snapshot, ...],
     level: float,
+    beliefs: Beliefs,
     config: CalibrationConfig,
     sensors: SensorsConfig,
 ) -> Calibration:
@@ -55,36 +95,92 @@ def _at_level(
     base = float(np.median([snapshot.base_z for snapshot in snapshots]))
     if abs(level - base) > config.least_level:
         unknown = sensors.camera_height_sigma_off_base
-        sensors = sensors.model_copy(update={"camera_height_sigma": unknown})
+        beliefs = replace(beliefs, common=replace(beliefs.common, height=unknown))
     else:
         level = base
     snapshots = tuple(lowered(snapshot, level) for snapshot in snapshots)
-    result = _calibrate(snapshots, collect_floor(snapshots, config), config, sensors)
-    warning = ProcessWarning(
-        "calibration.floor_level",
-        "calibration",
-        f"the floor lies at z = {level:+.3f} m of the fixed frame, not at 0: heights count from it",
+    result = _calibrated(snapshots, collect(snapshots, config), beliefs, config)
+    warnings = [
+        ProcessWarning(
+            "calibration.floor_level",
+            "calibration",
+            f"the floor lies at z = {level:+.3f} m of the fixed frame, not at 0: heights count "
+            "from it",
+        )
+    ]
+    if config.least_level < abs(level - base) < _STEP_M:
+        warnings.append(
+            ProcessWarning(
+                "accuracy.floor_level",
+                "calibration",
+                f"the floor lies {100 * (level - base):+.1f} cm beside the base's origin: a wrong "
+                "depth scale, focal length or camera height looks like this; check the camera's "
+                "calibration and its height in TF",
+            )
+        )
+    return replace(result, floor_z=level, warnings=(*warnings, *result.warnings))
+
+
+def _beliefs(
+    snapshots: tuple[Snapshot, ...], config: CalibrationConfig, sensors: SensorsConfig
+) -> Beliefs:
+    """Return what is believed of the camera before the floor is seen.
+
+    Depth in coarse steps is not flattened: its steps would pass for a field. A focal length is not
+    fitted: on planes it passes for tilts and for a field.
+    """
+    step = float(np.median([coarse_step(snapshot) for snapshot in snapshots] or [0.0]))
+    tilt = float(np.deg2rad(sensors.camera_tilt_sigma_deg))
+    held = _is_held(snapshots, config)
+    loose = _HELD_LOOSER if held else 1.0
+    return Beliefs(
+        common=Common(
+            roll=tilt,
+            pitch=tilt,
+            lean_x=_MAP_LEAN if held else 0.0,
+            lean_y=_MAP_LEAN if held else 0.0,
+            height=sensors.held_camera_height_sigma if held else sensors.camera_height_sigma,
+            offset=step / np.sqrt(12),
+            top=_TOP_SIGMA,
+            slope_x=_TOP_SLOPE,
+            slope_y=_TOP_SLOPE,
+            sag=_TOP_SAG,
+        ),
+        scale=sensors.depth_scale_sigma,
+        view_tilt=loose * float(np.deg2rad(sensors.view_tilt_sigma_deg)),
+        view_lift=loose**2 * sensors.view_height_sigma,
+        bends=step == 0,
     )
-    return replace(result, floor_z=level, warnings=(warning, *result.warnings))
 
 
-def _calibrate(
+_STEP_M = 0.15  # a base stands on the floor: a floor closer than this is its own
+_TOP_SIGMA = 0.05  # metres about where a segmentation saw the top
+_TOP_SLOPE = np.deg2rad(0.2)  # tops stand on uneven floors
+_TOP_SAG = 0.001  # metres
+_MAP_LEAN = np.deg2rad(0.5)
+_HELD_LOOSER = 3.0  # tilts of a tracked camera beside those of a head; heights err by its square
+
+
+def _is_held(snapshots: tuple[Snapshot, ...], config: CalibrationConfig) -> bool:
+    """Say whether the camera was held by a hand.
+
+    A robot's head pans and nods on a mounting that was measured; the image of a camera that is held
+    rolls from view to view, and its height and the level of its map are only as good as what tracks
+    it.
+    """
+    rolls = np.arcsin([np.clip(s.base_from_camera[2, 0], -1.0, 1.0) for s in snapshots])
+    return len(rolls) > 1 and float(np.std(rolls)) > np.deg2rad(config.held_roll_deg)
+
+
+def _calibrated(
     snapshots: tuple[Snapshot, ...],
-    floor: Floor | None,
+    samples: Samples | None,
+    beliefs: Beliefs,
     config: CalibrationConfig,
-    sensors: SensorsConfig,
 ) -> Calibration:
-    step = 0.0 if floor is None else floor.step
-    prior = np.array(
-        [np.deg2rad(sensors.camera_tilt_sigma_deg)] * 2
-        + [
-            sensors.depth_scale_sigma,
-            _height_sigma(snapshots, config, sensors),
-            max(step / np.sqrt(12), 1e-6),
-        ]
-    )
-    if floor is None or floor.pixels < config.least_floor_pixels:
-        pixels = 0 if floor is None else floor.pixels
+    pixels = 0 if samples is None else samples.pixels
+    sees_top = samples is not None and bool(samples.is_top.any())
+    if samples is None or (pixels < config.least_floor_pixels and not sees_top):
         warning = ProcessWarning(
             "calibration.no_floor",
             "calibration",
@@ -92,110 +188,199 @@ def _calibrate(
             f"{config.least_floor_pixels} are needed: the camera's tilt and scale were left as "
             "recorded",
         )
-        return _result(snapshots, np.zeros(5), np.diag(prior**2), {}, floor, (warning,))
-    floor, common, covariance = fit_axes(floor, prior, len(snapshots))
-    focal = estimate_focal(snapshots, floor, common, prior, config, sensors)
-    warnings = []
-    if focal is not None and focal.applied:
-        snapshots = with_focal(snapshots, focal.scale)
-        floor = collect_floor(snapshots, config) or floor
-        floor, common, covariance = fit_axes(floor, prior, len(snapshots))
-        warnings.append(_focal_warning(focal))
-    by_view: dict[int, Floats] = {}
-    able, scatter = views_apart(floor, common, len(snapshots))
-    if scatter > config.view_scatter:
-        tilt = np.deg2rad(sensors.view_tilt_sigma_deg)
-        view_prior = np.array([tilt, tilt, sensors.view_height_sigma])
-        common, own, covariance = fit_floor(floor, prior, (view_prior, able), len(snapshots))
-        by_view = {s.index: own[i] for i, s in enumerate(snapshots)}
-    warnings += _doubts(common, covariance, config)
-    result = _result(snapshots, common, covariance, by_view, floor, tuple(warnings))
-    return replace(result, focal=focal)
+        nothing = unadjusted(beliefs, len(snapshots))
+        return _result(snapshots, None, nothing, beliefs, (warning,))
+    samples, adjustment = _in_its_axes(samples, beliefs)
+    return _result(snapshots, samples, adjustment, beliefs, ())
 
 
-def _height_sigma(
-    snapshots: tuple[Snapshot, ...], config: CalibrationConfig, sensors: SensorsConfig
-) -> float:
-    """Return how well the camera's height is known before the floor is seen.
+def _in_its_axes(samples: Samples, beliefs: Beliefs) -> tuple[Samples, Adjustment]:
+    """Adjust in the axes of the head or of the base, whichever errs.
 
-    A robot's head pans and nods on a mounting that was measured; a camera whose image rolls from
-    view to view is held by a hand, and its height is only as good as what tracks it.
+    A camera that sits askew on its head errs with the head's turns, a base that leans does not.
+    Floor and top tell.
     """
-    rolls = np.arcsin([np.clip(s.base_from_camera[2, 0], -1.0, 1.0) for s in snapshots])
-    if len(rolls) > 1 and float(np.std(rolls)) > np.deg2rad(config.held_roll_deg):
-        return sensors.held_camera_height_sigma
-    return sensors.camera_height_sigma
+    best = _adjusted(samples, beliefs)
+    if samples.turns.any():
+        still = samples.in_base_axes()
+        other = _adjusted(still, beliefs)
+        if _disagreement(still, other) < _disagreement(samples, best):
+            return still, other
+    return samples, best
 
 
-def _focal_warning(focal: FocalLength) -> ProcessWarning:
-    return ProcessWarning(
-        "calibration.focal_length",
-        "calibration",
-        f"the floor, seen under {focal.tilts} tilts, asks for {focal.scale:.3f} times the recorded "
-        f"focal length (sigma {focal.sigma:.3f}); it was corrected: check the camera's calibration",
-    )
+def _disagreement(samples: Samples, adjustment: Adjustment) -> float:
+    residual = residuals(samples, adjustment.values, adjustment.own)
+    return float(np.sum(samples.weight * np.minimum(np.abs(residual), WIDE_GATES_M[-1]) ** 2))
 
 
-def _doubts(common: Floats, covariance: Floats, config: CalibrationConfig) -> list[ProcessWarning]:
-    roll, pitch = np.rad2deg(common[0]), np.rad2deg(common[1])
-    doubts = []
+def _adjusted(samples: Samples, beliefs: Beliefs) -> Adjustment:
+    """Adjust to the floor, and not to a platform.
+
+    The search begins wide. Where it ends in something implausible though a plane close to z = 0 is
+    there too, a platform, a low shelf or a step was the larger surface.
+    """
+    wide = adjust(samples, beliefs)
+    strain = _strain(wide, beliefs)
+    if strain > _IMPLAUSIBLE_SIGMAS:
+        close = adjust(samples, beliefs, gates=CLOSE_GATES_M)
+        likelier = _strain(close, beliefs) < strain
+        if likelier and _support(samples, close) >= _LEAST_FLOOR_SHARE * _support(samples, wide):
+            return close
+    return wide
+
+
+def _strain(adjustment: Adjustment, beliefs: Beliefs) -> float:
+    """Return how many prior sigmas tilt, height or scale lie from what was recorded, the worst."""
+    common, sigma = adjustment.common, beliefs.common
+    scale = (adjustment.field.at(0.0, 0.0, REFERENCE_M) - 1) / beliefs.scale
+    strains = [common.roll / sigma.roll, common.pitch / sigma.pitch, common.height / sigma.height]
+    return float(np.max(np.abs([*strains, scale])))
+
+
+def _support(samples: Samples, adjustment: Adjustment) -> int:
+    residual = residuals(samples, adjustment.values, adjustment.own)
+    return int((np.abs(residual) < WIDE_GATES_M[-1] + samples.sigma).sum())
+
+
+def _excess(adjustment: Adjustment, config: CalibrationConfig) -> list[str]:
+    """Say in words what is implausible about an adjustment."""
+    roll, pitch = np.rad2deg(adjustment.common.roll), np.rad2deg(adjustment.common.pitch)
+    scale = adjustment.field.at(0.0, 0.0, REFERENCE_M)
+    found = []
     if max(abs(roll), abs(pitch)) > config.plausible_tilt_deg:
-        doubts.append(f"a roll of {roll:+.2f} and a pitch of {pitch:+.2f} degrees")
-    if abs(common[2]) > config.plausible_scale:
-        doubts.append(
-            f"a depth scale of {1 + common[2]:.3f} (sigma {np.sqrt(covariance[2, 2]):.3f})"
-        )
-    return [
-        ProcessWarning(
-            "accuracy.calibration",
-            "calibration",
-            f"The floor asks for {doubt}: check the camera's mounting in TF and its calibration",
-        )
-        for doubt in doubts
-    ]
+        found.append(f"a roll of {roll:+.2f} and a pitch of {pitch:+.2f} degrees")
+    if abs(scale - 1) > config.plausible_scale:
+        sigma = np.sqrt(adjustment.covariance[FIELD.start, FIELD.start])
+        found.append(f"a depth scale of {scale:.3f} (sigma {sigma:.3f})")
+    return found
+
+
+def _believed(result: Calibration, config: CalibrationConfig) -> Calibration:
+    """Return a calibration that is plausible; of another one, what was recorded, with a doubt.
+
+    What the floor asked for then widens what is believed: it may yet be true.
+    """
+    excess = _excess(result.adjustment, config)
+    if not excess:
+        return result
+    values, beliefs = result.adjustment.values, result.beliefs
+    common = Common(
+        **{
+            name: float(np.hypot(getattr(beliefs.common, name), values[PLACE[name]]))
+            if name in ("roll", "pitch", "height")
+            else getattr(beliefs.common, name)
+            for name in NAMES
+        }
+    )
+    wide = replace(
+        beliefs, common=common, scale=float(np.hypot(beliefs.scale, values[FIELD.start]))
+    )
+    warning = ProcessWarning(
+        "accuracy.calibration",
+        "calibration",
+        f"The floor asks for {' and '.join(excess)}: that is implausible, and the camera was left "
+        "as recorded; check its mounting in TF and its calibration",
+    )
+    left = unadjusted(wide, len(result.recorded))
+    same = _result(result.recorded, None, left, wide, (*result.warnings, warning))
+    return replace(same, floor_pixels=result.floor_pixels, floor_z=result.floor_z)
 
 
 def _result(
     snapshots: tuple[Snapshot, ...],
-    common: Floats,
-    covariance: Floats,
-    by_view: dict[int, Floats],
-    floor: Floor | None,
+    samples: Samples | None,
+    adjustment: Adjustment,
+    beliefs: Beliefs,
     warnings: tuple[ProcessWarning, ...],
 ) -> Calibration:
-    own = np.array([by_view.get(s.index, np.zeros(3)) for s in snapshots]).reshape(-1, 3)
     before = after = 0.0
-    if floor is not None:
-        first = residuals(floor, np.zeros(COMMON), np.zeros_like(own))
-        last = residuals(floor, common, own)
-        counted = np.abs(last) < np.maximum(3 * floor.sigma, 0.01)
+    floor = top = None
+    turns = np.zeros(len(snapshots))
+    if samples is not None:
+        turns = samples.turns
+        first = residuals(samples, _recorded(adjustment), np.zeros_like(adjustment.own))
+        last = residuals(samples, adjustment.values, adjustment.own)
+        counted = ~samples.is_top & (np.abs(last) < np.maximum(3 * samples.sigma, 0.01))
         if counted.any():
             before = float(np.sqrt(np.mean(first[counted] ** 2)))
             after = float(np.sqrt(np.mean(last[counted] ** 2)))
-    scale = 1 + float(common[2])
-    corrected = []
-    turns = np.zeros(len(snapshots)) if floor is None else floor.turns
-    for snapshot, mine, turn in zip(snapshots, own, turns, strict=True):
-        rotation, lift = correction(common, mine, float(turn))
-        mount = snapshot.base_from_camera.copy()
-        mount[:3, :3] = rotation @ mount[:3, :3]
-        mount[2, 3] += lift
-        better = snapshot.corrected(base_from_camera=mount, depth_scale=scale)
-        if abs(common[4]) > 1e-5:
-            depth = (better.depth + np.float32(common[4])).astype(np.float32)
-            better = replace(better, depth=depth)
-        corrected.append(better)
+        floor = _maps(samples, first, last, ~samples.is_top)
+        top = _maps(samples, first, last, samples.is_top)
+    headings = np.array([snapshot.map_from_base.yaw for snapshot in snapshots]) + turns
+    tilts = view_tilts(headings, adjustment.common, adjustment.own)
+    corrected = tuple(
+        _corrected(snapshot, adjustment, (float(roll), float(pitch)), float(lift), float(turn))
+        for snapshot, (roll, pitch), lift, turn in zip(
+            snapshots, tilts, adjustment.own[:, 2], turns, strict=True
+        )
+    )
     return Calibration(
-        roll=float(common[0]),
-        pitch=float(common[1]),
-        depth_scale=scale,
-        height_correction=float(common[3]),
-        covariance=covariance[:3, :3],
-        floor_pixels=0 if floor is None else floor.pixels,
+        adjustment=adjustment,
+        beliefs=beliefs,
+        floor_pixels=0 if samples is None else samples.pixels,
         floor_rms_before=before,
         floor_rms_after=after,
-        snapshots=tuple(corrected),
+        recorded=snapshots,
+        snapshots=corrected,
         warnings=warnings,
-        joint_covariance=covariance,
-        by_view=by_view,
+        turns=turns,
+        floor=floor,
+        top=top,
     )
+
+
+def _recorded(adjustment: Adjustment) -> Floats:
+    """Return the unknowns with the camera as it was recorded, and the top as it is now known."""
+    values = np.zeros(COUNT)
+    for name in ("top", "slope_x", "slope_y", "sag", "lean_x", "lean_y"):
+        values[PLACE[name]] = adjustment.values[PLACE[name]]
+    return values
+
+
+def _maps(samples: Samples, first: Floats, last: Floats, chosen: Bools) -> Residuals | None:
+    """Average the residuals of all views in blocks of the image."""
+    near = chosen & (np.abs(last) < _SHOWN_M)
+    if not near.any():
+        return None
+    rows, columns = _MAP_SHAPE
+    u, v = samples.terms[1][near], samples.terms[2][near]
+    block = np.clip(((v + 1) / 2 * rows).astype(np.int64), 0, rows - 1) * columns
+    block += np.clip(((u + 1) / 2 * columns).astype(np.int64), 0, columns - 1)
+    count = np.bincount(block, minlength=rows * columns).astype(np.float64)
+    count[count < _LEAST_BLOCK] = np.nan
+
+    def mean(values: Floats) -> Floats:
+        total = np.bincount(block, weights=values[near], minlength=rows * columns)
+        return (total / count).reshape(rows, columns)
+
+    return Residuals(before=mean(first), after=mean(last))
+
+
+_SHOWN_M = 0.03
+_LEAST_BLOCK = 5
+
+
+def _corrected(
+    snapshot: Snapshot,
+    adjustment: Adjustment,
+    tilt: tuple[float, float],
+    lift: float,
+    turn: float,
+) -> Snapshot:
+    """Return a snapshot with its camera and its depth as adjusted."""
+    common = adjustment.common
+    rotation: Floats = Rotation.from_euler("xy", tilt).as_matrix()
+    if turn:
+        about = Rotation.from_euler("z", turn).as_matrix()
+        rotation = about @ rotation @ about.T
+    mount = snapshot.base_from_camera.copy()
+    mount[:3, :3] = rotation @ mount[:3, :3]
+    mount[2, 3] += common.height + lift
+    depth = snapshot.depth * adjustment.field.multiplier(snapshot.camera, snapshot.depth)
+    if abs(common.offset) > _LEAST_OFFSET:
+        depth = depth + np.float32(common.offset)
+    return replace(snapshot, base_from_camera=mount, depth=depth.astype(np.float32))
+
+
+_LEAST_OFFSET = 1e-5

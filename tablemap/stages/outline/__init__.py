@@ -1,6 +1,6 @@
 """Edges of the top in each view, and what made them."""
 
-from tablemap.stages.outline.result import EdgeKind, Outline, TopScale, ViewEdges
+from tablemap.stages.outline.result import EdgeKind, Outline, ViewEdges
 from tablemap.stages.outline.stage import find_edges
 
-__all__ = ["EdgeKind", "Outline", "TopScale", "ViewEdges", "find_edges"]
+__all__ = ["EdgeKind", "Outline", "ViewEdges", "find_edges"]

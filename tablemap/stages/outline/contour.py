@@ -154,6 +154,7 @@ def _judge(
     last = np.where(behind.any(axis=1), behind.argmax(axis=1), len(ahead))
     gap = np.maximum(first + last - 1.0, 0.0) + 2.0 * bridged
 
+    kind[_bends(seen, place, step, seen.tau[v, u])] = EdgeKind.BENT
     kind[(gap > config.gap_px) & ~bridged] = EdgeKind.MISSING
     kind[front_ahead | (crowd > 0.02) | blocked] = EdgeKind.OCCLUDED
     left, upper, right, lower = seen.border
@@ -167,6 +168,36 @@ def _judge(
     kind[at_border] = EdgeKind.BORDER
     real = (support + lost > 0.75) | ((kind == EdgeKind.OCCLUDED) & (support > 0.3))
     return kind, gap, real & (support > 0.3)
+
+
+def _bends(
+    seen: Occupancy, place: Floats, step: Floats, tau: NDArray[np.float32]
+) -> NDArray[np.bool_]:
+    """Say where no step follows: what lies ahead sinks slowly out of the plane.
+
+    A side face or a floor lies centimetres lower within some pixels. The corners of real depth
+    images sink by two centimetres over their last fifteen pixels, so that near the border of the
+    image a step must be larger.
+    """
+    at = place[:, None, :] + step[:, None, :] * _AHEAD_PX[None, :, None]
+    u = np.clip(np.round(at[..., 0]).astype(int), 0, seen.top.shape[1] - 1)
+    v = np.clip(np.round(at[..., 1]).astype(int), 0, seen.top.shape[0] - 1)
+    sunk = np.sort(np.nan_to_num(-seen.height[v, u], nan=-np.inf), axis=1)
+    left, upper, right, lower = seen.border
+    inset = np.minimum(
+        np.minimum(place[:, 0] - left, right - place[:, 0]),
+        np.minimum(place[:, 1] - upper, lower - place[:, 1]),
+    )
+    least = tau + np.where(inset < _BENT_BORDER_PX, _BORDER_STEP_M, _STEP_M)
+    # One pixel may be a mixed one.
+    second = sunk[:, -2]
+    bends: NDArray[np.bool_] = np.isfinite(second) & (second <= least)
+    return bends
+
+
+_AHEAD_PX = np.arange(1.0, 13.0)
+_STEP_M, _BORDER_STEP_M = 0.010, 0.025
+_BENT_BORDER_PX = 24.0
 
 
 def _unknown_ends(
@@ -236,11 +267,15 @@ def place_on_plane(
     snapshot: Snapshot,
     *,
     plane: ViewPlane,
+    level: float,
     thickness: float | None = None,
     rim: float = 0.0,
     config: OutlineConfig,
 ) -> PlacedContour:
-    """Intersect the edge points' rays with the top's plane.
+    """Intersect the edge points' rays with the level plane at the height of all views together.
+
+    The view's own ``plane``, which may slope as its depth has it, told top from what lies lower.
+    Where an edge lies is said by its bearing alone.
 
     Where the side face is towards the camera its upper strip passed for top, so the boundary ray
     meets the face a tolerance (or the whole thickness, where that is less) below the plane. Where
@@ -268,15 +303,15 @@ def place_on_plane(
             np.ones(len(pixel)),
         ]
     )
-    fall = np.minimum(ray @ seen.normal, -1e-3)
-    depth = -(seen.offset + lower) / fall
     in_base = ray @ pose[:3, :3].T
+    fall = np.minimum(in_base[:, 2], -1e-3)
+    depth = -(pose[2, 3] - level + lower) / fall
     points = pose[:2, 3] + depth[:, None] * in_base[:, :2]
 
     # d(xy)/d(pixel): along the ray's change, and along the ray by the change of its depth.
     change = []
     for axis, focal in ((0, camera.fx), (1, camera.fy)):
-        slope = seen.normal[axis] / focal
+        slope = pose[2, axis] / focal
         turn = pose[:2, axis] / focal
         change.append(depth[:, None] * turn - (depth * slope / fall)[:, None] * in_base[:, :2])
     jacobian = np.stack(change, axis=-1)  # (n, 2, 2): columns are d/du, d/dv

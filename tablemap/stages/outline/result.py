@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats
+from tablemap.stages.calibration import TopBelief
 
 
 class EdgeKind(IntEnum):
@@ -19,6 +20,7 @@ class EdgeKind(IntEnum):
     BORDER = 1  # the image ends
     OCCLUDED = 2  # something in front
     MISSING = 3  # no depth
+    BENT = 4  # nothing: the depth bends away from the plane of the top, without a step
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,11 +30,10 @@ class ViewEdges:
     ``points`` (n, 2) metres; ``normals`` (n, 2) outward units; ``sigma`` (n,) metres along the
     normal; ``kind`` (n,) uint8 of `EdgeKind`; ``is_near`` (n,) bool: the side face is towards the
     camera; ``pixels`` (n, 2) float column, row. ``camera_xy`` (2,) is the camera's place in the
-    base: a depth scale moves a point along ``points - camera_xy``. ``scale_sigma`` is how well, as
-    a share of it, the view knows how far its camera is above the top, what the views disagree on
-    the height of the top included: it may be the camera's tilt. It acts like the scale. ``top`` (m,
-    2) and ``free`` (k, 2) are thinned points of the plane that this view saw as top, and saw
-    through.
+    base, ``drop`` how far it is above the top (metres), ``axis`` (3,) its optical axis: a camera
+    that errs moves a point by them. ``scale_sigma`` is how well, as a share of it, the view knows
+    its drop beside what all views share. ``top`` (m, 2) and ``free`` (k, 2) are thinned points of
+    the plane that this view saw as top, and saw through.
 
     Neighbouring points share pixels and a view's systematic error, so ``n`` of them are worth about
     ``n / kappa`` independent ones: kappa is 4 to 12 at the default thinning.
@@ -46,6 +47,8 @@ class ViewEdges:
     is_near: NDArray[np.bool_]
     pixels: Floats
     camera_xy: Floats
+    drop: float
+    axis: Floats
     top: Floats
     free: Floats
     scale_sigma: float = 0.0
@@ -63,20 +66,6 @@ class ViewEdges:
         )
 
 
-@dataclass(frozen=True)
-class TopScale:
-    """How well all views know how far the top is from their cameras, as a share of it.
-
-    ``sigma`` as the calibration says; ``sigma_trusting`` were the camera's height right in TF.
-    Should the distances turn out longer by a share s, the top's height above the floor grows by s
-    times ``height_by_scale`` metres.
-    """
-
-    sigma: float
-    sigma_trusting: float
-    height_by_scale: float
-
-
 @dataclass(frozen=True, eq=False)
 class Outline:
     """All views' edges; the top's height above the floor, its thickness where a face shows it.
@@ -84,7 +73,8 @@ class Outline:
     ``rim`` is how far the side face lies outside the line where near edges were first placed: near
     nought at a sharp edge, millimetres at a bevelled or rounded one (metres; None: no face seen).
     Near edges are at the face; far ones end where the flat top does, somewhere within.
-    ``scale`` is what the calibration leaves open of all distances (None: no calibration given).
+    ``camera`` is what the calibration leaves open (None: no calibration given), ``turns`` by view
+    how far its head was turned, radians.
     ``beside`` (n, 2) in the map is the outline of what touches the table at its height and was
     taken off, None where nothing does.
     """
@@ -98,7 +88,8 @@ class Outline:
     warnings: tuple[ProcessWarning, ...]
     rim: float | None = None
     rim_sigma: float | None = None
-    scale: TopScale | None = None
+    camera: TopBelief | None = None
+    turns: dict[int, float] = field(default_factory=dict)
     beside: Floats | None = None
 
     @property

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from tablemap.config import OutlineConfig, SensorsConfig
 from tablemap.errors import EstimationError, ProcessWarning
-from tablemap.geometry import Floats
 from tablemap.stages.calibration import Calibration
 from tablemap.stages.outline.contour import Contour, place_on_plane, trace
 from tablemap.stages.outline.occupancy import Occupancy, observe
 from tablemap.stages.outline.plane import ViewPlane, fit_plane, joint_height
-from tablemap.stages.outline.result import EdgeKind, Outline, TopScale, ViewEdges
+from tablemap.stages.outline.result import EdgeKind, Outline, ViewEdges
 from tablemap.stages.outline.thickness import FaceEnds, face_ends, joint_rim, joint_thickness
 from tablemap.stages.outline.votes import vote
-from tablemap.stages.segmentation import Segmentation
+from tablemap.stages.segmentation import Segmentation, ViewSegmentation
 from tablemap.stages.snapshots import Snapshot
-
-TRUSTED_M = 0.001
-"""A camera height that is right in TF is so to about this, metres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +65,10 @@ def find_edges(
         own, segmentation.height, segmentation.height_sigma
     )
 
+    camera = None if calibration is None else calibration.top_belief(height)
+    lift = 0.0 if camera is None else camera.view_lift
+    if camera is not None:
+        height_sigma = float(np.sqrt(height_sigma**2 + camera.covariance[0, 0]))
     traced: list[_TracedView] = []
     for view in used:
         if view.index not in own:
@@ -78,7 +79,7 @@ def find_edges(
         if seen is not None:
             traced.append(_TracedView(snapshot, plane, seen, trace(seen, snapshot, config=config)))
 
-    faces = _faces(traced, config)
+    faces = _faces(traced, height, config)
     thickness = joint_thickness(faces, config=config)
     rim = None if thickness is None else joint_rim(faces)
     labels = {view.index: view.labels for view in used}
@@ -89,6 +90,7 @@ def find_edges(
             item.contour,
             item.snapshot,
             plane=item.plane,
+            level=height,
             thickness=None if thickness is None else thickness[0],
             rim=0.0 if rim is None or rim[0] < 3 * rim[1] else rim[0],
             config=config,
@@ -103,19 +105,16 @@ def find_edges(
             is_near=placed.is_near,
             pixels=item.contour.place + np.array(item.seen.origin[::-1], dtype=np.float64),
             camera_xy=item.snapshot.base_from_camera[:2, 3].copy(),
+            drop=item.plane.drop(item.snapshot.base_from_camera),
+            axis=item.snapshot.base_from_camera[:3, 2].copy(),
             top=top,
             free=free,
-            scale_sigma=float(np.hypot(item.plane.height_sigma, scatter))
+            scale_sigma=float(np.hypot(scatter, lift))
             / item.plane.drop(item.snapshot.base_from_camera),
         )
         views.append(edges)
         if not np.any(edges.kind == EdgeKind.TABLE):
             warnings.append(_set_aside(item.snapshot, "shows no edge of the top"))
-    scale = None
-    if calibration is not None:
-        spread = calibration.top_covariance(height)
-        height_sigma = float(np.sqrt(height_sigma**2 + spread[0, 0]))
-        scale = _scale(spread)
     return Outline(
         views=tuple(views),
         height=height,
@@ -126,20 +125,17 @@ def find_edges(
         warnings=tuple(warnings),
         rim=None if rim is None else rim[0],
         rim_sigma=None if rim is None else rim[1],
-        scale=scale,
+        camera=camera,
+        turns=_turns(calibration, used),
     )
 
 
-def _scale(spread: Floats) -> TopScale:
-    """Say what a calibration's covariance of height, scale and camera height means for the top."""
-    variance = max(float(spread[1, 1]), 1e-12)
-    by_camera = float(spread[1, 2]) / max(float(spread[2, 2]), 1e-12)
-    trusting = variance - by_camera**2 * float(spread[2, 2]) + (by_camera * TRUSTED_M) ** 2
-    return TopScale(
-        sigma=float(np.sqrt(variance)),
-        sigma_trusting=float(np.sqrt(np.clip(trusting, 1e-12, variance))),
-        height_by_scale=float(spread[0, 1]) / variance,
-    )
+def _turns(calibration: Calibration | None, used: Sequence[ViewSegmentation]) -> dict[int, float]:
+    if calibration is None:
+        return {}
+    turned = zip(calibration.snapshots, calibration.turns, strict=True)
+    indices = {view.index for view in used}
+    return {shot.index: float(turn) for shot, turn in turned if shot.index in indices}
 
 
 def _set_aside(snapshot: Snapshot, what: str) -> ProcessWarning:
@@ -168,12 +164,12 @@ def _shrunk(plane: ViewPlane, height: float, scatter: float) -> ViewPlane:
     )
 
 
-def _faces(traced: list[_TracedView], config: OutlineConfig) -> list[FaceEnds]:
+def _faces(traced: list[_TracedView], level: float, config: OutlineConfig) -> list[FaceEnds]:
     """Return what each view shows of the side face at its near edges."""
     ends = []
     for item in traced:
         placed = place_on_plane(
-            item.seen, item.contour, item.snapshot, plane=item.plane, config=config
+            item.seen, item.contour, item.snapshot, plane=item.plane, level=level, config=config
         )
         ends.append(
             face_ends(

@@ -8,7 +8,7 @@ from tablemap.stages.segmentation.result import (
     TablesFound,
     ViewSegmentation,
 )
-from tablemap.stages.segmentation.stage import segment
+from tablemap.stages.segmentation.stage import segment, segment_again
 
 __all__ = [
     "Label",
@@ -18,4 +18,5 @@ __all__ = [
     "ViewSegmentation",
     "find_tables",
     "segment",
+    "segment_again",
 ]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats
+from tablemap.stages.calibration import SeenTop
 
 
 class Label(IntEnum):
@@ -82,3 +83,8 @@ class Segmentation:
     def used(self) -> tuple[int, ...]:
         """Indices of the snapshots that see the table."""
         return tuple(view.index for view in self.views if view.sees_table)
+
+    def top(self) -> SeenTop:
+        """Return the pixels of the top in every view that sees the table."""
+        masks = {view.index: view.labels == Label.TOP for view in self.views if view.sees_table}
+        return SeenTop(self.height, masks)

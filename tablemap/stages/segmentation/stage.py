@@ -72,6 +72,23 @@ def segment(
     )
 
 
+def segment_again(
+    snapshots: tuple[Snapshot, ...],
+    first: Segmentation,
+    *,
+    config: SegmentationConfig,
+    sensors: SensorsConfig,
+) -> Segmentation:
+    """Label every view anew, with the same table, once the snapshots are corrected further.
+
+    Raises `EstimationError` as `segment` does.
+    """
+    chosen = next(candidate for candidate in first.candidates if candidate.chosen)
+    again = segment(snapshots, config=config, sensors=sensors, candidate=chosen)
+    ties = [w for w in first.warnings if w.code == "segmentation.table_tie"]
+    return replace(again, candidates=first.candidates, warnings=(*ties, *again.warnings))
+
+
 def _place(candidate: TableCandidate) -> str:
     return f"({candidate.x:.2f}, {candidate.y:.2f})"
 

@@ -150,7 +150,8 @@ def _unbent(
     """Discount a skew by what a bent drive would make of a rectangle.
 
     What speaks for an angle, d^2 / sigma^2, is worth d^2 / (sigma^2 + skew^2) where the poses may
-    be bent by ``Evidence.skew_sigma``.
+    be bent by ``Evidence.skew_sigma``. A parallelogram gives up one right angle, any other figure
+    of four sides three.
     """
     upright = [c for c in candidates if isinstance(c.fit.shape, Rectangle)]
     if not evidence.skew_sigma or not upright:
@@ -158,11 +159,17 @@ def _unbent(
     rectangle = upright[0]
     result = []
     for each in candidates:
-        if isinstance(each.fit.shape, Parallelogram):
+        shape = each.fit.shape
+        freed = 0
+        if isinstance(shape, Parallelogram):
+            freed, angles = 1, slice(5, 6)
+        elif isinstance(shape, Polygon) and len(shape.parameters) == 8:
+            freed, angles = 3, slice(0, 4)
+        if freed:
             effective = max(len(each.fit.distance) / each.fit.noise.kappa, 2.0)
-            penalty = float(np.log(effective)) + config.symmetry_cost
+            penalty = freed * (float(np.log(effective)) + config.symmetry_cost)
             advantage = max(rectangle.cost - (each.cost - penalty), 0.0)
-            variance = float(each.spread.covariance[5, 5])
+            variance = float(np.mean(np.diag(each.spread.covariance)[angles]))
             share = variance / (variance + evidence.skew_sigma**2)
             each = replace(each, cost=rectangle.cost + penalty - share * advantage)
         result.append(each)

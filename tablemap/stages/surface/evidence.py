@@ -11,9 +11,10 @@ from tablemap.errors import EstimationError, ProcessWarning
 from tablemap.geometry import Bools, Floats, Ints, Pose2
 from tablemap.stages.outline import EdgeKind, Outline, ViewEdges
 from tablemap.stages.registration import Registration
+from tablemap.stages.surface.motion import CameraMotion, camera_motion
 from tablemap.stages.surface.nuisances import CommonNuisances
 from tablemap.stages.surface.priors import (
-    common_sigmas,
+    common_precision,
     corrections_root,
     pose_sigma,
     skew_sigma,
@@ -28,13 +29,14 @@ class Evidence:
 
     origin: (2,), a point amid the table, in the map, metres
     in_base, normal_in_base: (N, 2), edge points and outward normals in the base of their view
-    lever: (N, 2), from the camera to the point, in the base of its view, metres
+    motion: how errors of the camera move the points, in the base of their view
+    drop: (N,), of the camera above the top, metres
     view: (N,), snapshot of each point
     poses: (n, 3), x, y, yaw of all snapshots
     prior_root: (n * ViewCorrections.COUNT, m), times m independent unit normals: corrections
     top, free: (c, 2), centres of cells of ``cell`` metres
     spacing_px: typical distance between neighbouring edge points of a view, pixels
-    common_mean, common_sigma: (CommonNuisances.COUNT,), priors of what all views share
+    common_mean, common_precision: the prior of `CommonNuisances`, mean (c,) and precision (c, c)
     pose_sigma: how well the place of a view is known, metres, the median of the views
     skew_sigma: by how much the drive may be bent, radians; poses from depth alone share the
         camera's systematic errors, the laser's do not
@@ -43,7 +45,8 @@ class Evidence:
     origin: Floats
     in_base: Floats
     normal_in_base: Floats
-    lever: Floats
+    motion: CameraMotion
+    drop: Floats
     sigma: Floats
     view: Ints
     is_near: Bools
@@ -58,7 +61,7 @@ class Evidence:
     points: Floats
     normals: Floats
     common_mean: Floats
-    common_sigma: Floats
+    common_precision: Floats
     pose_sigma: float
     skew_sigma: float
 
@@ -72,7 +75,8 @@ class Evidence:
             self,
             in_base=self.in_base[chosen],
             normal_in_base=self.normal_in_base[chosen],
-            lever=self.lever[chosen],
+            motion=self.motion.only(chosen),
+            drop=self.drop[chosen],
             sigma=self.sigma[chosen],
             view=self.view[chosen],
             is_near=self.is_near[chosen],
@@ -122,6 +126,10 @@ def gather(
     in_base = np.concatenate([v.points[p] for v, p in zip(views, parts, strict=True)])
     normal = np.concatenate([v.normals[p] for v, p in zip(views, parts, strict=True)])
     lever = np.concatenate([v.points[p] - v.camera_xy for v, p in zip(views, parts, strict=True)])
+    counts = [len(part) for part in parts]
+    drop = np.repeat([view.drop for view in views], counts)
+    axis = np.repeat([view.axis for view in views], counts, axis=0)
+    heads = np.repeat([outline.turns.get(view.index, 0.0) for view in views], counts)
     sigma = np.concatenate([v.sigma[p] for v, p in zip(views, parts, strict=True)])
     near = np.concatenate([v.is_near[p] for v, p in zip(views, parts, strict=True)])
     index = np.concatenate(
@@ -138,12 +146,13 @@ def gather(
         origin=origin,
         in_base=in_base,
         normal_in_base=normal,
-        lever=lever,
+        motion=camera_motion(lever, drop, axis, heads),
+        drop=drop,
         sigma=np.maximum(sigma, config.sigma_floor),
         view=index,
         is_near=near.astype(bool),
         poses=poses,
-        prior_root=corrections_root(views, poses, registration, sensors),
+        prior_root=corrections_root(views, poses, registration, outline.camera, sensors),
         views=np.array([v.index for v in views], dtype=np.int64),
         view_slices=slices,
         top=top,
@@ -153,7 +162,7 @@ def gather(
         points=place(in_base, index, poses),
         normals=turn(normal, poses[index, 2]),
         common_mean=CommonNuisances().pack(),
-        common_sigma=common_sigmas(outline, registration, config, sensors).pack(),
+        common_precision=common_precision(outline, registration, config, sensors),
         pose_sigma=pose_sigma(registration),
         skew_sigma=skew_sigma(registration, poses),
     )

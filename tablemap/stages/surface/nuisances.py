@@ -18,18 +18,27 @@ from tablemap.geometry import Floats
 class CommonNuisances:
     """What all views share.
 
-    scale: depth scale less one, after the calibration; a share
+    scale: how much farther the top is from the camera than the calibration has it, a share
+    roll, pitch, yaw: turn of the camera about the axes of the base, or of the head, radians
+    focal: how much farther from the optical axis all bearings are, a share
     near_bias, far_bias: outward bias of near and of far edges, in sigmas of a point
     shift_x, shift_y: shift of the camera in the base, metres
     set_back: how far within the outline far edges end, metres
+    slope_x, slope_y: slope of the top in the map
     """
 
     scale: float = 0.0
+    roll: float = 0.0
+    pitch: float = 0.0
+    yaw: float = 0.0
+    focal: float = 0.0
     near_bias: float = 0.0
     far_bias: float = 0.0
     shift_x: float = 0.0
     shift_y: float = 0.0
     set_back: float = 0.0
+    slope_x: float = 0.0
+    slope_y: float = 0.0
 
     COUNT: ClassVar[int]
 
@@ -61,13 +70,16 @@ class ViewCorrections:
     """What each of n views has for itself, each (n,).
 
     x, y, yaw: correction of the base's pose, metres and radians
-    scale: depth scale of this view beside the common one, a share
+    scale, roll, pitch, pan: of the camera in this view beside the common ones
     """
 
     x: Floats
     y: Floats
     yaw: Floats
     scale: Floats
+    roll: Floats
+    pitch: Floats
+    pan: Floats
 
     COUNT: ClassVar[int]
 

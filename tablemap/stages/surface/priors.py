@@ -6,6 +6,7 @@ import numpy as np
 
 from tablemap.config import SensorsConfig, SurfaceConfig
 from tablemap.geometry import Floats
+from tablemap.stages.calibration import TopBelief
 from tablemap.stages.outline import Outline, ViewEdges
 from tablemap.stages.registration import Registration
 from tablemap.stages.surface.nuisances import CommonNuisances, ViewCorrections
@@ -24,35 +25,60 @@ def skew_sigma(registration: Registration, poses: Floats) -> float:
     return registration.systematic / max(float(np.hypot(*poses[:, :2].T).mean()), 0.1)
 
 
-def common_sigmas(
+def common_precision(
     outline: Outline, registration: Registration, config: SurfaceConfig, sensors: SensorsConfig
-) -> CommonNuisances:
-    """Return the prior standard deviations of the nuisances that all views share.
+) -> Floats:
+    """Return the prior precision (c, c) of the nuisances that all views share.
 
-    The depth scale is known as well as the calibration left it, the camera's height in TF trusted
-    (`scale.settle_scale` doubts that). What the registration bounds as systematic acts as a camera
+    How far the camera is from the top, its roll and its pitch are known, and bound to each other,
+    as the calibration left them. What the registration bounds as systematic acts as a camera
     shifted in every base. A near edge is the side face's; a far one ends where the flat top does:
     where the rim is bevelled or rounded, millimetres early. On a face that shows, this shows; a
     small rounding does not.
     """
+    camera = outline.camera
     unknown = sensors.calibrated_depth_scale_sigma_surface
-    scale = unknown if outline.scale is None else outline.scale.sigma_trusting
-    shift = max(registration.systematic / config.systematic_sigmas, 1e-6)
+    tilt = float(np.deg2rad(sensors.camera_tilt_sigma_deg))
+    focal = sensors.camera_focal_sigma
+    if registration.source == "laser":
+        shift = sensors.laser_mounting_sigma
+    else:
+        held = camera is not None and camera.is_held
+        focal = sensors.focal_length_sigma if held else sensors.calibrated_focal_length_sigma
+        shift = max(registration.systematic / config.systematic_sigmas, 1e-6)
     set_back = sensors.rim_set_back if outline.is_dull else sensors.sharp_rim_set_back
-    return CommonNuisances(
-        scale=max(scale, 1e-6),
+    sigmas = CommonNuisances(
+        scale=unknown,
+        roll=tilt,
+        pitch=tilt,
+        yaw=sensors.laser_mounting_yaw_sigma,
+        focal=focal,
         near_bias=sensors.near_edge_bias,
         far_bias=sensors.far_edge_bias,
         shift_x=shift,
         shift_y=shift,
         set_back=max(set_back, 1e-6),
+        slope_x=_TOP_SLOPE,
+        slope_y=_TOP_SLOPE,
     )
+    covariance = np.diag(sigmas.pack() ** 2)
+    if camera is not None:
+        at = [CommonNuisances.place(name) for name in ("scale", "roll", "pitch")]
+        covariance[np.ix_(at, at)] = camera.covariance[1:, 1:] + np.diag([1e-12] * 3)
+    return np.asarray(np.linalg.inv(covariance), dtype=np.float64)
+
+
+_TOP_SLOPE = np.deg2rad(0.1)  # what floor and top leave of the slope of the top
 
 
 def corrections_root(
-    views: list[ViewEdges], poses: Floats, registration: Registration, sensors: SensorsConfig
+    views: list[ViewEdges],
+    poses: Floats,
+    registration: Registration,
+    camera: TopBelief | None,
+    sensors: SensorsConfig,
 ) -> Floats:
-    """Return the (4n, m) root of the views' corrections: x, y, yaw, scale of each of n snapshots.
+    """Return the (n * ViewCorrections.COUNT, m) root of the views' corrections.
 
     Times m independent unit normals it gives corrections as uncertain, and as bound to each other,
     as is known. The poses' relative covariance has the mean pose in its null space: it stays where
@@ -64,18 +90,24 @@ def corrections_root(
     drive = poses - poses.mean(axis=0)
     drive[:, 2] = 0.0
     is_laser = registration.source == "laser"
-    drive *= sensors.laser_range_scale_sigma if is_laser else sensors.drive_scale_sigma
-    size, scale = ViewCorrections.COUNT, ViewCorrections.place("scale")
-    own = np.zeros((count, size, len(views)))
-    own[[view.index for view in views], scale, np.arange(len(views))] = [
-        view.scale_sigma for view in views
-    ]
+    drive *= sensors.laser_range_scale_sigma if is_laser else registration.stretch_sigma
+    size = ViewCorrections.COUNT
+    own = np.zeros((count, size, _OWN * len(views)))
+    tilt = np.deg2rad(sensors.view_tilt_sigma_deg) if camera is None else camera.view_tilt
+    pan = np.deg2rad(sensors.view_pan_sigma_deg)
+    for place, view in enumerate(views):
+        sigmas = {"scale": view.scale_sigma, "roll": tilt, "pitch": tilt, "pan": pan}
+        for column, (name, sigma) in enumerate(sigmas.items()):
+            own[view.index, ViewCorrections.place(name), _OWN * place + column] = sigma
     moved = np.zeros((count, size, pose_root.shape[1] + 1))
     moved[:, :3, :-1] = pose_root.reshape(count, 3, -1)
     moved[:, :3, -1] = drive
     root = np.concatenate([moved, own], axis=2).reshape(size * count, -1)
     kept: Floats = root[:, np.abs(root).max(axis=0) > 0]
     return kept
+
+
+_OWN = 4  # of a view: how far its camera is from the top, roll, pitch and pan
 
 
 def _root(covariance: Floats, count: int) -> Floats:

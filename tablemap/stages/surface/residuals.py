@@ -88,12 +88,19 @@ def observe(state: State, evidence: Evidence, config: SurfaceConfig, noise: Nois
     view = evidence.view
     cosine, sine = np.cos(poses[:, 2])[view], np.sin(poses[:, 2])[view]
     scale = (common.scale + correction.scale)[view]
+    moved = evidence.motion
     outward = np.where(
         evidence.is_near,
         common.near_bias * evidence.sigma,
         common.far_bias * evidence.sigma - common.set_back,
     )
-    local = evidence.in_base + scale[:, None] * evidence.lever
+    # A top that slopes is nearer to the camera, or farther, by its height at the point.
+    rise = evidence.points @ np.array([common.slope_x, common.slope_y])
+    local = evidence.in_base + (scale - rise / evidence.drop)[:, None] * moved.scale
+    local += (common.roll + correction.roll)[view, None] * moved.roll
+    local += (common.pitch + correction.pitch)[view, None] * moved.pitch
+    local += (common.yaw + correction.pan)[view, None] * moved.yaw
+    local += common.focal * moved.focal
     local -= outward[:, None] * evidence.normal_in_base
     local += np.array([common.shift_x, common.shift_y])
     points = _turned(local, cosine, sine) + poses[view, :2]
@@ -119,8 +126,8 @@ def robust(squared: Floats, gate: float) -> Floats:
 
 def prior_cost(state: State, evidence: Evidence) -> float:
     """Return what the nuisances strain their priors."""
-    strain = (state.common - evidence.common_mean) / evidence.common_sigma
-    return float(strain @ strain + state.whitened @ state.whitened)
+    strain = state.common - evidence.common_mean
+    return float(strain @ evidence.common_precision @ strain + state.whitened @ state.whitened)
 
 
 def linearise(
@@ -137,19 +144,40 @@ def linearise(
     # The shape's normal in the view's base: there the nuisances are simple.
     forward = seen.cosine * normal[:, 0] + seen.sine * normal[:, 1]
     leftward = seen.cosine * normal[:, 1] - seen.sine * normal[:, 0]
-    by_scale = forward * evidence.lever[:, 0] + leftward * evidence.lever[:, 1]
-    by_scale -= distance / seen.stretch
+
+    def by(moved: Floats) -> Floats:
+        return forward * moved[:, 0] + leftward * moved[:, 1]
+
+    motion = evidence.motion
+    by_lever = by(motion.scale)
+    by_scale = by_lever - distance / seen.stretch
+    by_roll, by_pitch, by_yaw = by(motion.roll), by(motion.pitch), by(motion.yaw)
+    by_slope = -by_lever / evidence.drop * evidence.points.T
     by_turn = leftward * seen.local[:, 0] - forward * seen.local[:, 1]
     outward = -seen.facing * evidence.sigma
     by_common = CommonNuisances.stack(
         scale=by_scale,
+        roll=by_roll,
+        pitch=by_pitch,
+        yaw=by_yaw,
+        focal=by(motion.focal),
         near_bias=np.where(evidence.is_near, outward, 0.0),
         far_bias=np.where(evidence.is_near, 0.0, outward),
         shift_x=forward,
         shift_y=leftward,
         set_back=np.where(evidence.is_near, 0.0, seen.facing),
+        slope_x=by_slope[0],
+        slope_y=by_slope[1],
     )
-    by_view = ViewCorrections.stack(x=normal[:, 0], y=normal[:, 1], yaw=by_turn, scale=by_scale)
+    by_view = ViewCorrections.stack(
+        x=normal[:, 0],
+        y=normal[:, 1],
+        yaw=by_turn,
+        scale=by_scale,
+        roll=by_roll,
+        pitch=by_pitch,
+        pan=by_yaw,
+    )
     rows = np.vstack([seen.measure.jacobian.T, by_common])
 
     size = len(rows)
@@ -172,9 +200,9 @@ def linearise(
     moved = np.matmul(own, root.reshape(*own.shape[:2], root.shape[1]))
     hessian[size:, size:] = root.T @ moved.reshape(root.shape)
 
-    at = np.arange(size - CommonNuisances.COUNT, size)
-    hessian[at, at] += evidence.common_sigma**-2.0
-    gradient[at] += (seen.state.common - evidence.common_mean) / evidence.common_sigma**2
+    shared = slice(size - CommonNuisances.COUNT, size)
+    hessian[shared, shared] += evidence.common_precision
+    gradient[shared] += evidence.common_precision @ (seen.state.common - evidence.common_mean)
     at = np.arange(size, total)
     hessian[at, at] += 1.0
     gradient[at] += seen.state.whitened

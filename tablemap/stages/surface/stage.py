@@ -17,7 +17,6 @@ from tablemap.stages.surface.evidence import Evidence, gather
 from tablemap.stages.surface.inner import inner_edges
 from tablemap.stages.surface.joint import JointFit, corrected_poses
 from tablemap.stages.surface.result import Figure, Primitive, Surface, SurfaceEdge
-from tablemap.stages.surface.scale import ScaleBelief, scale_warning, settle_scale
 from tablemap.stages.surface.shapes.shape import Shape, signed_distance
 from tablemap.stages.surface.shapes.sides import INFERRED, MEASURED, UNSEEN
 from tablemap.stages.surface.shapes.straight import Sided
@@ -48,8 +47,7 @@ def fit_surface(
     scores = weights([c.cost for c in standing]) if standing else []
     if not standing:
         standing, fallen, scores = candidates, [], weights([c.cost for c in candidates])
-    chosen, belief = settle_scale(standing[0], outline, evidence, config, sensors)
-    standing[0] = chosen
+    chosen = standing[0]
     primitives = [
         _primitive(candidate, score, evidence, config)
         for candidate, score in zip(standing + fallen, scores + [0.0] * len(fallen), strict=True)
@@ -60,7 +58,7 @@ def fit_surface(
         shape=chosen.name,
         pose=primitives[0].pose,
         covariance=_pose_covariance(chosen, evidence, registration),
-        height=_height(outline, belief),
+        height=_height(outline, chosen),
         thickness=(
             None
             if outline.thickness is None
@@ -81,21 +79,22 @@ def fit_surface(
         hull=hull_of(evidence, chosen.fit.points[chosen.fit.misfit < 5]) + evidence.origin,
         warnings=(
             *warnings,
-            *scale_warning(belief, outline, config),
             *_doubts(chosen, primitives, edges, figures, evidence, config),
         ),
         beside=outline.beside,
     )
 
 
-def _height(outline: Outline, belief: ScaleBelief) -> Figure:
-    """Correct the height by the depth scale: the floor ties that to the camera's height."""
-    scale = outline.scale
-    if scale is None:
+def _height(outline: Outline, chosen: Candidate) -> Figure:
+    """Correct the height by how far the edges say that the top is from the camera."""
+    camera = outline.camera
+    if camera is None:
         return Figure(outline.height, _finite(outline.height_sigma))
-    learnt = scale.height_by_scale**2 * (scale.sigma**2 - belief.sigma**2)
+    prior = camera.covariance[:2, :2]
+    gain = float(prior[0, 1]) / max(float(prior[1, 1]), 1e-12)
+    learnt = gain**2 * max(float(prior[1, 1]) - chosen.spread.scale_sigma**2, 0.0)
     sigma = float(np.sqrt(max(outline.height_sigma**2 - learnt, 0.0)))
-    return Figure(outline.height + scale.height_by_scale * belief.value, _finite(sigma))
+    return Figure(outline.height + gain * chosen.fit.nuisances.scale, _finite(sigma))
 
 
 def _finite(sigma: float | None) -> float | None:

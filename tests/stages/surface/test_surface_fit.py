@@ -10,9 +10,8 @@ import pytest
 from tablemap.config import SensorsConfig, SurfaceConfig
 from tablemap.errors import EstimationError
 from tablemap.geometry import Pose2
-from tablemap.stages.outline import TopScale
+from tablemap.stages.calibration import TopBelief
 from tablemap.stages.surface import Surface, fit_surface
-from tablemap.stages.surface.scale import believe
 from tablemap.stages.surface.shapes.shape import area, signed_distance
 from tests.making.edges import (
     Bench,
@@ -96,8 +95,11 @@ def test_a_wrong_camera_height_is_admitted() -> None:
     errors = []
     for seed in range(3):
         outline, registration = observe(table, bench, np.random.default_rng(seed))
-        scale = TopScale(sigma=0.005, sigma_trusting=0.001, height_by_scale=0.74)
-        outline = replace(outline, scale=scale, height_sigma=0.0038)
+        height, scale, tilt = 0.0038, 0.005, np.radians(0.1)
+        covariance = np.diag([height, scale, tilt, tilt]) ** 2
+        covariance[0, 1] = covariance[1, 0] = 0.95 * height * scale
+        camera = TopBelief(covariance, view_tilt=0.001, view_lift=0.0005, is_held=False)
+        outline = replace(outline, camera=camera, height_sigma=height)
         surface = fit_surface(
             outline, registration, config=SurfaceConfig(), sensors=SENSORS, seed=0
         )
@@ -109,18 +111,6 @@ def test_a_wrong_camera_height_is_admitted() -> None:
             errors.append(abs(figure.value - truth) / figure.sigma)
     assert max(errors) < 3
     assert np.median(errors) < 1.96
-
-
-def test_evidence_decides_whether_the_camera_height_is_believed() -> None:
-    """Edges that say nothing leave the floor's word; edges that are sure of a scale overrule it."""
-    prior = {"under": 0.005, "trusting": 0.001, "wide": 0.005, "trusted": 0.5}
-    mute = believe(0.0, 0.005 * (1 - 1e-6), **prior)
-    assert abs(mute.value) < 1e-9
-    assert 0.001 < mute.sigma < 0.005
-    sure = believe(0.0058, 0.0005, **prior)
-    assert sure.value == pytest.approx(0.0058, abs=2e-4)
-    assert sure.sigma < 0.0006
-    assert sure.doubt > 0.99
 
 
 def test_an_unseen_side_is_not_called_measured() -> None:

@@ -1,0 +1,277 @@
+"""Samples of the level surfaces in all views: the floor, and the top where it is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from tablemap.config import CalibrationConfig
+from tablemap.geometry import Bools, Floats, Ints
+from tablemap.stages.calibration.field import REFERENCE_M, image_coordinates, terms
+from tablemap.stages.snapshots import Snapshot, depth_sigma, turned_left
+from tablemap.stages.snapshots.noise import coarse_step
+from tablemap.stages.snapshots.normals import upward_share
+
+STRIDE_PX = 2
+BLOCK_PX = 32  # the errors of neighbouring pixels are alike: a block of this side counts once
+MOST_FLOOR, MOST_TOP = 24_000, 16_000
+LEAST_UPWARD = np.cos(np.deg2rad(25.0))
+UNEVEN_M = 0.002  # floors are flat to about this
+TOP_UNEVEN_M = 0.001
+RIM_PX = 9  # side faces and mixed pixels are no part of the top
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Samples of level surfaces, sorted by view.
+
+    arms: (n, 3), from the camera, metres, in base axes that turn with the head
+    depth: (n,), along the optical axis, metres
+    terms: (k, n), the terms of the depth field at the samples' pixels
+    steep: (n,), how far down a metre of depth leads
+    camera_z: (n,), height of the camera as recorded, metres
+    sigma: (n,), of a sample's height, metres; weight: (n,), 1 / sigma^2 shared out in a block
+    view: (n,), place of the view among the snapshots
+    is_top: (n,), on the top, not on the floor
+    place: (n, 2), of samples of the top: metres from its middle, in the map
+    bulge: (n,), of the top: the shape of a sag, of mean nought
+    turns: (views,), radians that the axes turned with the head, all 0 of one that does not
+    headings: (views,), radians of these axes in the map
+    pixels: how many pixels the floor's samples stand for
+    step: metres between depth values where they are coarse, else 0
+    top_start: metres, the height of the top as first seen
+    """
+
+    arms: Floats
+    depth: Floats
+    terms: Floats
+    steep: Floats
+    camera_z: Floats
+    sigma: Floats
+    weight: Floats
+    view: Ints
+    is_top: Bools
+    place: Floats
+    bulge: Floats
+    turns: Floats
+    headings: Floats
+    pixels: int
+    step: float
+    top_start: float
+
+    @property
+    def views(self) -> int:
+        """How many views there are."""
+        return len(self.turns)
+
+    @property
+    def parts(self) -> Sequence[slice]:
+        """The samples of each view."""
+        ends = np.searchsorted(self.view, np.arange(self.views + 1))
+        return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+
+    @property
+    def beyond(self) -> Floats:
+        """Metres of depth beyond the field's reference."""
+        return self.depth - REFERENCE_M
+
+    def beyond_at(self, reach: Floats) -> Floats:
+        """Return the same where the ray is ``reach`` times as long."""
+        return self.depth * reach - REFERENCE_M
+
+    def in_base_axes(self) -> Samples:
+        """Return the same samples in axes that do not turn with the head."""
+        arms = turned(self.arms, self.turns[self.view])
+        headings = self.headings - self.turns
+        return replace(self, arms=arms, turns=np.zeros_like(self.turns), headings=headings)
+
+
+def turned(arms: Floats, angles: Floats) -> Floats:
+    """Turn (n, 3) arms about the vertical by (n,) radians."""
+    c, s = np.cos(angles), np.sin(angles)
+    x, y, z = arms.T
+    return np.column_stack([c * x - s * y, s * x + c * y, z])
+
+
+@dataclass(frozen=True, eq=False)
+class SeenTop:
+    """What a segmentation knows of the top, for the adjustment.
+
+    height: metres above the floor
+    masks: by snapshot index, (height, width) of the pixels on the top
+    """
+
+    height: float
+    masks: dict[int, Bools]
+
+
+def collect(
+    snapshots: tuple[Snapshot, ...],
+    config: CalibrationConfig,
+    *,
+    corrected: tuple[Snapshot, ...] | None = None,
+    top: SeenTop | None = None,
+) -> Samples | None:
+    """Gather the pixels of floor and top of every view, with the depth as it was recorded.
+
+    The floor is what faces up near z = 0: of the ``corrected`` snapshots where they are given, in a
+    narrower band then. None where there is neither.
+    """
+    parts: list[_Part] = []
+    steps: list[float] = []
+    thin = max(1, round(np.sqrt(len(snapshots) * 12_000 / MOST_FLOOR)))
+    pixels = 0
+    for view, snapshot in enumerate(snapshots):
+        depth = snapshot.depth[::STRIDE_PX, ::STRIDE_PX]
+        if min(depth.shape) < 32:
+            continue
+        arms = (snapshot.camera.rays[::STRIDE_PX, ::STRIDE_PX] * depth[..., None]) @ (
+            snapshot.base_from_camera[:3, :3].T.astype(np.float32)
+        )
+        noise = depth_sigma(snapshot)[::STRIDE_PX, ::STRIDE_PX]
+        step = coarse_step(snapshot)
+        steps.append(step)
+        floor = _floor(arms, snapshot, None if corrected is None else corrected[view], step, config)
+        pixels += int(floor.sum()) * STRIDE_PX**2
+        chosen = np.zeros_like(floor)
+        chosen[::thin, ::thin] = floor[::thin, ::thin]
+        parts.append(_part(view, snapshot, arms, depth, noise, chosen, thin, UNEVEN_M))
+        if top is not None and snapshot.index in top.masks:
+            mask = ndimage.minimum_filter(
+                top.masks[snapshot.index].view(np.uint8), RIM_PX, mode="constant"
+            ).view(np.bool_)[::STRIDE_PX, ::STRIDE_PX]
+            mask = mask & np.isfinite(depth)
+            every = max(1, int(np.sqrt(mask.sum() * len(snapshots) / MOST_TOP)))
+            chosen = np.zeros_like(mask)
+            chosen[::every, ::every] = mask[::every, ::every]
+            parts.append(
+                _part(view, snapshot, arms, depth, noise, chosen, every, TOP_UNEVEN_M, is_top=True)
+            )
+    parts = [part for part in parts if len(part.depth)]
+    if not parts:
+        return None
+    return _together(parts, snapshots, pixels, float(np.median(steps)), top)
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """The samples of one surface in one view, as `Samples` has them."""
+
+    arms: Floats
+    depth: Floats
+    terms: Floats
+    steep: Floats
+    sigma: Floats
+    weight: Floats
+    view: Ints
+    is_top: Bools
+    place: Floats
+
+
+def _floor(
+    arms: NDArray[np.float32],
+    snapshot: Snapshot,
+    corrected: Snapshot | None,
+    step: float,
+    config: CalibrationConfig,
+) -> Bools:
+    """Return the pixels that face up near the floor."""
+    distance = np.hypot(arms[..., 0], arms[..., 1])
+    if corrected is None:
+        z = arms[..., 2] + np.float32(snapshot.base_from_camera[2, 3])
+        band = config.floor_band + config.floor_slope * distance
+    else:
+        z = _heights(corrected)
+        band = _NARROW_BAND * (config.floor_band + config.floor_slope * distance)
+    with np.errstate(invalid="ignore"):
+        near: Bools = np.abs(z) < band
+        if near.any():
+            near &= upward_share(arms, 9 if step > 0 else 4) > LEAST_UPWARD
+    return near
+
+
+_NARROW_BAND = 0.4
+
+
+def _heights(snapshot: Snapshot) -> NDArray[np.float32]:
+    rays = snapshot.camera.rays[::STRIDE_PX, ::STRIDE_PX]
+    fall = rays @ snapshot.base_from_camera[2, :3].astype(np.float32)
+    depth = snapshot.depth[::STRIDE_PX, ::STRIDE_PX]
+    return np.asarray(depth * fall + np.float32(snapshot.base_from_camera[2, 3]))
+
+
+def _part(
+    view: int,
+    snapshot: Snapshot,
+    arms: NDArray[np.float32],
+    depth: NDArray[np.float32],
+    noise: NDArray[np.float32],
+    chosen: Bools,
+    every: int,
+    uneven: float,
+    *,
+    is_top: bool = False,
+) -> _Part:
+    u, v = image_coordinates(snapshot.camera)
+    rows, columns = np.nonzero(chosen)
+    here = arms[chosen].astype(np.float64)
+    far = depth[chosen].astype(np.float64)
+    steep = here[:, 2] / np.maximum(far, 0.05)
+    sigma = np.hypot(noise[chosen].astype(np.float64) * np.abs(steep), uneven)
+    share = min(1.0, (STRIDE_PX * every / BLOCK_PX) ** 2)
+    in_base = here[:, :2] + snapshot.base_from_camera[:2, 3]
+    return _Part(
+        arms=here,
+        depth=far,
+        terms=terms(u[columns * STRIDE_PX], v[rows * STRIDE_PX]),
+        steep=steep,
+        sigma=sigma,
+        weight=share / sigma**2,
+        view=np.full(len(far), view, dtype=np.int64),
+        is_top=np.full(len(far), is_top),
+        place=snapshot.map_from_base.apply(in_base) if is_top else np.zeros((len(far), 2)),
+    )
+
+
+def _together(
+    parts: list[_Part],
+    snapshots: tuple[Snapshot, ...],
+    pixels: int,
+    step: float,
+    top: SeenTop | None,
+) -> Samples:
+    view = np.concatenate([part.view for part in parts])
+    is_top = np.concatenate([part.is_top for part in parts])
+    arms = np.concatenate([part.arms for part in parts])
+    place = np.concatenate([part.place for part in parts])
+    bulge = np.zeros(len(view))
+    if is_top.any():
+        place[is_top] -= np.median(place[is_top], axis=0)
+        squared = np.sum(place[is_top] ** 2, axis=1)
+        bulge[is_top] = (squared.mean() - squared) / max(float(np.percentile(squared, 98)), 1e-6)
+    turns = turned_left(np.stack([snapshot.base_from_camera for snapshot in snapshots]))
+    if turns.any():
+        arms = turned(arms, -turns[view])
+    return Samples(
+        arms=arms,
+        depth=np.concatenate([part.depth for part in parts]),
+        terms=np.concatenate([part.terms for part in parts], axis=1),
+        steep=np.concatenate([part.steep for part in parts]),
+        camera_z=np.array([s.base_from_camera[2, 3] for s in snapshots])[view],
+        sigma=np.concatenate([part.sigma for part in parts]),
+        weight=np.concatenate([part.weight for part in parts]),
+        view=view,
+        is_top=is_top,
+        place=place,
+        bulge=bulge,
+        turns=turns,
+        headings=np.array([snapshot.map_from_base.yaw for snapshot in snapshots]) + turns,
+        pixels=pixels,
+        step=step,
+        top_start=0.0 if top is None else top.height,
+    )
