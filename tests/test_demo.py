@@ -17,7 +17,7 @@ from tablemap.archive import load_run
 from tablemap.evaluation.metrics import Score, score
 from tablemap.evaluation.truth import Truth
 from tablemap.model import TableModel
-from tests.making.command import tablemap
+from tests.making.command import tablemap_here
 
 
 @pytest.fixture(scope="module")
@@ -157,7 +157,7 @@ def repeated(
     text.write_text("this is no recording\n")
     config = finished[0] / "config.toml"
     output = folder / "runs"
-    return tablemap(
+    return tablemap_here(
         "process", text, demo_recording, "-o", output, "--config", config, "--json", "--quiet"
     )
 
@@ -177,11 +177,11 @@ def test_what_is_done_is_not_done_again(
 ) -> None:
     """The same line, of the same run, in no time; and the run is what was written."""
     run = finished[0]
-    again = tablemap("process", demo_recording, "--output", run.parent.parent, "--json")
+    again = tablemap_here("process", demo_recording, "--output", run.parent.parent, "--json")
     assert json.loads(again.stdout)["run"] == str(run)
     assert "--again" in again.stderr
     assert [path.name for path in run.parent.iterdir() if not path.is_symlink()] == [run.name]
-    verified = tablemap("runs", "verify", run, "--json")
+    verified = tablemap_here("runs", "verify", run, "--json")
     assert verified.returncode == 0, verified.stdout
     checks = {check["name"]: check["outcome"] for check in json.loads(verified.stdout)["checks"]}
     assert set(checks.values()) == {"ok"}
@@ -195,7 +195,7 @@ def test_a_recording_that_was_cut_short_is_used_and_said_to_be(
     cut = tmp_path / "cut.mcap"
     data = demo_recording.read_bytes()
     cut.write_bytes(data[: int(0.8 * len(data))])
-    done = tablemap("process", cut, "-o", tmp_path / "runs", "--json", "--review", "off")
+    done = tablemap_here("process", cut, "-o", tmp_path / "runs", "--json", "--review", "off")
     line = json.loads(done.stdout)
     assert (done.returncode, line["status"]) == (3, "partial"), done.stderr
     model = TableModel.load(Path(line["model"]))
@@ -218,7 +218,7 @@ def test_one_bad_recording_does_not_stop_the_next(
 def test_evaluate_scores_a_run(finished: tuple[Path, object], demo_recording: Path) -> None:
     """Against the truth beside its recording, or the one that is given."""
     for extra in ([], ["--truth", Truth.beside(demo_recording)]):
-        done = tablemap("evaluate", finished[0], *extra, "--json")
+        done = tablemap_here("evaluate", finished[0], *extra, "--json")
         assert done.returncode == 0, done.stderr
         overall = json.loads(done.stdout)["methods"]["tablemap"]["overall"]
         assert overall["shape_accuracy"] == 1
@@ -227,7 +227,7 @@ def test_evaluate_scores_a_run(finished: tuple[Path, object], demo_recording: Pa
 
 def test_info_names_every_role(demo_recording: Path) -> None:
     """For people and for scripts."""
-    done = tablemap("info", demo_recording)
+    done = tablemap_here("info", demo_recording)
     assert done.returncode == 0
     for word in (
         "depth",
@@ -239,7 +239,7 @@ def test_info_names_every_role(demo_recording: Path) -> None:
         "ready",
     ):
         assert word in done.stdout
-    document = json.loads(tablemap("info", demo_recording, "--json").stdout)
+    document = json.loads(tablemap_here("info", demo_recording, "--json").stdout)
     assert document["processable"] is True
     assert {topic["role"] for topic in document["topics"]} >= {"depth", "laser", "transforms"}
 
@@ -248,7 +248,7 @@ def test_near_a_place_without_a_table_names_the_places_that_have_one(
     demo_recording: Path, tmp_path: Path
 ) -> None:
     """One sentence, no traceback."""
-    done = tablemap("process", demo_recording, "-o", tmp_path, "--near", "40", "40", "--quiet")
+    done = tablemap_here("process", demo_recording, "-o", tmp_path, "--near", "40", "40", "--quiet")
     assert done.returncode == 1
     assert re.search(r"0\.\d", done.stderr)
     assert "Traceback" not in done.stderr

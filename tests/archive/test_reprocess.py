@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tablemap.archive import load_run
-from tests.making.command import tablemap
+from tests.making.command import tablemap_here
 
 pytestmark = pytest.mark.slow
 
@@ -19,7 +19,7 @@ def test_a_run_is_repeated_byte_for_byte(
 ) -> None:
     """By its own recording and settings, into a folder beside it, which becomes the latest."""
     run = finished[0]
-    done = tablemap("runs", "reprocess", run, "--json", "--quiet")
+    done = tablemap_here("runs", "reprocess", run, "--json", "--quiet")
     assert done.returncode == 0, done.stderr
     line = json.loads(done.stdout)
     again = Path(line["run"])
@@ -27,9 +27,9 @@ def test_a_run_is_repeated_byte_for_byte(
     assert again.parent == run.parent
     assert (again / "table.json").read_bytes() == (run / "table.json").read_bytes()
     assert (again / "config.toml").read_bytes() == (run / "config.toml").read_bytes()
-    compared = json.loads(tablemap("runs", "compare", run, again, "--json").stdout)
+    compared = json.loads(tablemap_here("runs", "compare", run, again, "--json").stdout)
     assert compared["overlap"] == pytest.approx(1.0)
-    assert tablemap("runs", "verify", again).returncode == 0
+    assert tablemap_here("runs", "verify", again).returncode == 0
     assert (run.parent / "latest").resolve() == again.resolve()
 
 
@@ -38,10 +38,10 @@ def test_a_packed_run_is_repeated_with_changes(
 ) -> None:
     """From the recording that was packed with it; the changes are in the new run's settings."""
     packed = tmp_path / "demo.tar.zst"
-    assert tablemap("runs", "pack", finished[0], "-o", packed, "--input").returncode == 0
-    (elsewhere,) = tablemap("runs", "unpack", packed, "-o", tmp_path / "runs").stdout.split()
+    assert tablemap_here("runs", "pack", finished[0], "-o", packed, "--input").returncode == 0
+    (elsewhere,) = tablemap_here("runs", "unpack", packed, "-o", tmp_path / "runs").stdout.split()
     changes = ["--set", "review.level=off", "--set", "seed=7"]
-    done = tablemap("runs", "reprocess", elsewhere, *changes, "--json", "-o", tmp_path / "new")
+    done = tablemap_here("runs", "reprocess", elsewhere, *changes, "--json", "-o", tmp_path / "new")
     line = json.loads(done.stdout)
     assert line["status"] == "ok"
     new = load_run(Path(line["run"]))

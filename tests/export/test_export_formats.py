@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tablemap.export import Format, all_formats, export_model, formats
-from tests.making.command import tablemap
+from tests.making.command import tablemap_here
 from tests.making.exported import MODELS
 
 README = Path(__file__).resolve().parents[2] / "README.md"
@@ -62,7 +62,7 @@ def test_a_module_is_all_that_a_format_takes(stl: None, tmp_path: Path) -> None:
 @pytest.mark.parametrize("command", ["export", "process"])
 def test_the_help_lists_every_format(command: str) -> None:
     """With its description."""
-    listed = tablemap(command, "--help").stdout.split("Formats:\n")[1]
+    listed = tablemap_here(command, "--help").stdout.split("Formats:\n")[1]
     described = dict(line.split(maxsplit=1) for line in listed.splitlines())
     assert described == {name: entry.description for name, entry in all_formats().items()}
 

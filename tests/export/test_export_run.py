@@ -12,7 +12,7 @@ from tablemap.archive import RunFolder
 from tablemap.config import Config, ExportConfig
 from tablemap.errors import WARNING_CODES, ConfigError, TablemapError
 from tablemap.export import all_formats, export_model, export_run
-from tests.making.command import tablemap
+from tests.making.command import tablemap_here
 from tests.making.exported import MODELS
 
 
@@ -140,7 +140,7 @@ def test_a_run_exports_all_its_tables(run: RunFolder) -> None:
 
 def test_the_command_writes_and_prints_paths(run: RunFolder, tmp_path: Path) -> None:
     """Paths on stdout, warnings on stderr."""
-    done = tablemap("export", run.path, "--to", "nav2", "--to", "sdf", "--padding", "0.2")
+    done = tablemap_here("export", run.path, "--to", "nav2", "--to", "sdf", "--padding", "0.2")
     assert done.returncode == 0, done.stderr
     files = [Path(line) for line in done.stdout.splitlines()]
     assert run.path / "exports" / "sdf" / "table" / "model.sdf" in files
@@ -148,7 +148,7 @@ def test_the_command_writes_and_prints_paths(run: RunFolder, tmp_path: Path) -> 
     assert "padding: 0.2" in (run.path / "exports/nav2/table.polygon.yaml").read_text()
     assert "export.assumed_thickness" in done.stderr
     out = tmp_path / "desk.glb"
-    done = tablemap("export", run.path, "--to", "glb", "--output", out, "--json")
+    done = tablemap_here("export", run.path, "--to", "glb", "--output", out, "--json")
     assert json.loads(done.stdout) == {
         "files": [str(out), str(tmp_path / "desk.world.json")],
         "warnings": [],
@@ -168,11 +168,11 @@ def test_the_command_refuses_in_one_sentence(run: RunFolder, tmp_path: Path) -> 
         (tmp_path / "nowhere", "glb", 1, "run folder"),
     ]
     for path, to, code, words in cases:
-        done = tablemap("export", path, "--to", to)
+        done = tablemap_here("export", path, "--to", to)
         assert done.returncode == code
         assert words in done.stderr
         assert len(done.stderr.strip().splitlines()) == 1
-    done = tablemap("process", tmp_path / "lap.mcap", "--export", "stl", cwd=tmp_path)
+    done = tablemap_here("process", tmp_path / "lap.mcap", "--export", "stl", cwd=tmp_path)
     assert done.returncode == 2
     assert not (failed.path / "exports").exists()
 
@@ -180,7 +180,7 @@ def test_the_command_refuses_in_one_sentence(run: RunFolder, tmp_path: Path) -> 
 @pytest.mark.slow
 def test_process_exports_what_it_modelled(demo_recording: Path, tmp_path: Path) -> None:
     """Into the run's folder."""
-    done = tablemap(
+    done = tablemap_here(
         "process", demo_recording, "-o", tmp_path, "--export", "glb", "--export", "nav2", "-q"
     )
     assert done.returncode == 0, done.stderr

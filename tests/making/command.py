@@ -1,26 +1,54 @@
-"""The command as a shell runs it."""
+"""The command: as a shell runs it, or in this process, which spares its imports."""
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
+from unittest import mock
 
 TABLEMAP = [sys.executable, "-c", "from tablemap.cli import main; main()"]
+WIDTH = {"COLUMNS": "100"}
+PLAIN = {**WIDTH, "NO_COLOR": "1"}
 
 
 def tablemap(
     *arguments: object, cwd: Path | None = None, colours: bool = False
 ) -> subprocess.CompletedProcess[str]:
     """Run the command and wait for it; with ``colours`` it is free to print them."""
-    quiet = {} if colours else {"NO_COLOR": "1"}
     return subprocess.run(
-        [*TABLEMAP, *(str(argument) for argument in arguments)],
+        [*TABLEMAP, *map(str, arguments)],
         capture_output=True,
         text=True,
         check=False,
         cwd=cwd,
-        env={**os.environ, "COLUMNS": "100", **quiet},
+        env={**os.environ, **(WIDTH if colours else PLAIN)},
         timeout=300,
     )
+
+
+def tablemap_here(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Do what the command does in this process, its exit code and both outputs included."""
+    from tablemap.cli import main
+
+    out, err, code = io.StringIO(), io.StringIO(), None
+    terminated = signal.getsignal(signal.SIGTERM)
+    with (
+        mock.patch.object(sys, "argv", ["tablemap", *map(str, arguments)]),
+        mock.patch.dict(os.environ, PLAIN),
+        contextlib.chdir(cwd or Path.cwd()),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+    ):
+        try:
+            main()
+        except SystemExit as end:
+            code = end.code
+        finally:
+            signal.signal(signal.SIGTERM, terminated)
+    assert code is None or isinstance(code, int), code
+    return subprocess.CompletedProcess(sys.argv, code or 0, out.getvalue(), err.getvalue())
