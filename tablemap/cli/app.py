@@ -9,10 +9,11 @@ from typing import Annotated
 
 import typer
 
+from tablemap.cli.commands import Commands
 from tablemap.errors import ConfigError, TablemapError
 from tablemap.version import __version__
 
-app = typer.Typer(
+app = Commands(
     name="tablemap",
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -36,8 +37,6 @@ def main() -> None:
     except SystemExit as end:
         sys.exit(143 if terminated and end.code == 130 else end.code)
     except Exception as error:
-        if "--debug" in sys.argv:
-            raise
         typer.echo(f"tablemap: {_sentence(error)}", err=True)
         sys.exit(2 if isinstance(error, ConfigError) else 1)
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from tablemap.cli.options import ConfigFile, Debug, Json, Settings
+from tablemap.cli.options import ConfigFile, Json, Settings
 
 
 def config(
@@ -20,7 +20,6 @@ def config(
     file: ConfigFile = None,
     settings: Settings = None,
     as_json: Json = False,
-    debug: Debug = False,
 ) -> None:
     """Print every setting as TOML, with what it is: the defaults, a file's and yours."""
     from tablemap.archive.folder import SCHEMA as MANIFEST_SCHEMA

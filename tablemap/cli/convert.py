@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from tablemap.cli.options import ConfigFile, Debug, End, Json, Settings, Start, window
+from tablemap.cli.options import ConfigFile, End, Json, Settings, Start, window
 from tablemap.cli.printing import stderr_console
 
 
@@ -29,7 +29,6 @@ def convert(
     settings: Settings = None,
     as_json: Json = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors alone.")] = False,
-    debug: Debug = False,
 ) -> None:
     """Write what processing needs of a drive as one MCAP that gives the same table."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from tablemap.cli.options import ConfigFile, Debug, Json, Settings
+from tablemap.cli.options import ConfigFile, Json, Settings
 from tablemap.cli.printing import stderr_console
 
 if TYPE_CHECKING:
@@ -51,7 +51,6 @@ def evaluate(
     config: ConfigFile = None,
     settings: Settings = None,
     as_json: Json = False,
-    debug: Debug = False,
 ) -> None:
     """Score models against the truth: run folders, recordings, or a suite of scenarios."""
     from tablemap.config import load_config

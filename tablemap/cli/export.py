@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from tablemap.cli.options import ConfigFile, Debug, Json
+from tablemap.cli.options import ConfigFile, Json
 
 
 class ListsFormats(TyperCommand):
@@ -52,7 +52,6 @@ def export(
         typer.Option("--set", help="An export setting; repeatable.", metavar="EXPORT.KEY=VALUE"),
     ] = None,
     as_json: Json = False,
-    debug: Debug = False,
 ) -> None:
     """Write a RUN's tables in the formats of other programs."""
     from tablemap.config import load_config

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tablemap.cli.options import Debug, End, Json, Start, window
+from tablemap.cli.options import End, Json, Start, window
 
 if TYPE_CHECKING:
     from tablemap.recording import RecordingInfo
@@ -24,7 +24,6 @@ def info(
     start: Start = None,
     end: End = None,
     as_json: Json = False,
-    debug: Debug = False,
 ) -> None:
     """Show a RECORDING's topics, roles and frames, and what is missing for processing."""
     from tablemap.config import load_config

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from tablemap.cli.options import ConfigFile, Debug, End, Settings, Start, window
+from tablemap.cli.options import ConfigFile, End, Settings, Start, window
 from tablemap.cli.printing import aligned, outcome_line, outcome_rows, print_model, stderr_console
 from tablemap.errors import TablemapError
 
@@ -77,7 +77,6 @@ def process(
         bool, typer.Option("--json", help="Print one JSON line a recording on stdout.")
     ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors alone.")] = False,
-    debug: Debug = False,
 ) -> None:
     """Model the table in each RECORDING; every step goes into DIR/<recording>/<run>/run.rrd."""
     from rich.console import Console

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from tablemap.cli.options import Debug, Json
+from tablemap.cli.options import Json
 
 
 def simulate(
@@ -27,7 +27,6 @@ def simulate(
     ] = "ros1",
     listing: Annotated[bool, typer.Option("--list", help="List the scenarios instead.")] = False,
     as_json: Json = False,
-    debug: Debug = False,
 ) -> None:
     """Write a recording of a simulated table, and NAME.truth.json beside it."""
     from tablemap.simulation import load_scenario, scenario_names, write

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from tablemap.cli.options import Debug, Json
+from tablemap.cli.options import Json
 
 
 def view(
@@ -33,7 +33,6 @@ def view(
         ),
     ] = None,
     as_json: Json = False,
-    debug: Debug = False,
 ) -> None:
     """Open a RUN in the Rerun Viewer."""
     from tablemap.review.viewer import viewer

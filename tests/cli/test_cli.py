@@ -105,6 +105,19 @@ def test_a_missing_path_or_a_directory_is_one_sentence(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("command", "code"), [("info missing.mcap", 1), ("config --set surface.nothing=1", 2)]
+)
+def test_debug_shows_where_an_error_was_raised(command: str, code: int, tmp_path: Path) -> None:
+    """Before the sentence, and the exit code stays."""
+    done = tablemap(*command.split(), "--debug", cwd=tmp_path)
+    plain = tablemap(*command.split(), cwd=tmp_path)
+    assert (done.returncode, plain.returncode) == (code, code)
+    assert done.stderr.startswith("Traceback (most recent call last):\n")
+    assert done.stderr.endswith(plain.stderr)
+    assert "Traceback" not in plain.stderr
+
+
 def test_a_failed_recording_has_its_json_line(tmp_path: Path) -> None:
     """With null for what there is not."""
     done = tablemap_here("process", tmp_path / "none.mcap", "--json", cwd=tmp_path)

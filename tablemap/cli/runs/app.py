@@ -7,7 +7,9 @@ from typing import Annotated
 
 import typer
 
-runs_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
+from tablemap.cli.commands import Commands
+
+runs_app = Commands(no_args_is_help=True, rich_markup_mode=None)
 
 Runs = Annotated[Path, typer.Argument(help="Folder of run folders.", metavar="DIR")]
 Run = Annotated[Path, typer.Argument(help="Run folder.", metavar="RUN")]

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from tablemap.cli.options import Debug, Json
+from tablemap.cli.options import Json
 from tablemap.cli.printing import (
     outcome_line,
     print_model,
@@ -31,7 +31,6 @@ def reprocess(
     ] = None,
     as_json: Json = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors alone.")] = False,
-    debug: Debug = False,
 ) -> None:
     """Process a RUN's recording again by its own settings, but for what is changed."""
     from rich.console import Console
@@ -71,7 +70,6 @@ def prune_(
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Remove them; else only list them.")] = False,
     as_json: Json = False,
-    debug: Debug = False,
 ) -> None:
     """List the runs in DIR that may go, and remove them with --yes."""
     from datetime import UTC, datetime, timedelta

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tablemap.cli.options import Debug, Json
+from tablemap.cli.options import Json
 from tablemap.cli.printing import (
     aligned,
     metres_text,
@@ -54,7 +54,6 @@ def list_(
     as_csv: Annotated[
         bool, typer.Option("--csv", help="Print all columns and figures as CSV.")
     ] = False,
-    debug: Debug = False,
 ) -> None:
     """List the runs in DIR."""
     from tablemap.archive.index import list_runs

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tablemap.cli.options import Debug, Json
+from tablemap.cli.options import Json
 from tablemap.cli.printing import (
     aligned,
     metres_text,
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @runs_app.command()
-def show(run: Run, as_json: Json = False, debug: Debug = False) -> None:
+def show(run: Run, as_json: Json = False) -> None:
     """Show what a RUN was made of, how it ended, and its model."""
     from tablemap.archive import load_run
     from tablemap.model.summary import summary_rows
@@ -61,7 +61,6 @@ def compare(
         typer.Option("--output", "-o", help="Write compare.svg and .rrd here.", metavar="DIR"),
     ] = None,
     as_json: Json = False,
-    debug: Debug = False,
 ) -> None:
     """Show the models of A and B side by side, and their differences in sigmas."""
     from tablemap.archive import load_run
@@ -125,7 +124,6 @@ def _draw(a: RunFolder, b: RunFolder, output: Path) -> tuple[Path, Path]:
 def verify(
     runs: Annotated[list[Path], typer.Argument(help="Run folders.", metavar="RUN")],
     as_json: Json = False,
-    debug: Debug = False,
 ) -> None:
     """Check that the RUNs and their recordings are what they were."""
     from dataclasses import asdict

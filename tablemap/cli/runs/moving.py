@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from tablemap.cli.options import Debug, Json
+from tablemap.cli.options import Json
 from tablemap.cli.runs.app import Run, Runs, runs_app
 
 
@@ -22,7 +22,6 @@ def pack_(
     ] = None,
     with_input: Annotated[bool, typer.Option("--input", help="The recording too.")] = False,
     as_json: Json = False,
-    debug: Debug = False,
 ) -> None:
     """Write a RUN into one file, to be unpacked elsewhere."""
     from tablemap.archive.packing import pack
@@ -38,7 +37,6 @@ def unpack_(
         Path, typer.Option("--output", "-o", help="Folder of run folders.", metavar="DIR")
     ] = Path("runs"),
     as_json: Json = False,
-    debug: Debug = False,
 ) -> None:
     """Bring a packed run back as DIR/<recording>/<run>, checked."""
     from tablemap.archive.packing import unpack
@@ -57,7 +55,6 @@ def serve_(
         str, typer.Option("--host", help="Who may connect; 0.0.0.0: other machines too.")
     ] = "127.0.0.1",
     as_json: Json = False,
-    debug: Debug = False,
 ) -> None:
     """Serve the runs in DIR as a Rerun catalog, until it is interrupted."""
     import threading
