@@ -20,13 +20,13 @@ _FINE_TURN = np.radians(1.0 / 3.0)
 _SIGMA = 0.05
 _POINTS = 180
 _LARGEST_FIELD = 1500  # cells a side
-_APART = 0.25  # metres (and ten degrees): further off, a peak is another answer
+_APART = 0.25  # metres (and ten degrees): a peak further off counts as another answer
 _APART_TURN = np.radians(10.0)
 
 
 @dataclass(frozen=True)
 class Match:
-    """The best pose found, its score in [0, 1], and how much better it is than any other peak."""
+    """The best pose found, its score in [0, 1], and the score's margin over any other peak."""
 
     pose: Pose2
     score: float
@@ -42,14 +42,14 @@ def likelihood(points: Floats, tree: cKDTree, pose: Pose2) -> float:
 
 
 def likelihood_at(points: Floats, field_points: Floats, pose: Pose2) -> float:
-    """Return the same among (m, 2) field points."""
+    """Return the `likelihood` of (n, 2) points at a pose among (m, 2) field points."""
     return likelihood(points, cKDTree(field_points), pose)
 
 
 def search(
     points: Floats, field_points: Floats, start: Pose2, *, radius: float, turn: float
 ) -> Match:
-    """Find where (n, 2) points fit best among (m, 2) ones, so far round a start."""
+    """Find where (n, 2) points fit best among (m, 2) others, within a radius round a start."""
     thinned = points[:: max(1, len(points) // _POINTS)]
     tree = cKDTree(field_points)
     field, corner = _field(field_points, thinned, start, radius)
@@ -83,7 +83,8 @@ def _field(
     field_points: Floats, points: Floats, start: Pose2, radius: float
 ) -> tuple[Floats, Floats]:
     """Return the likelihood of each cell of 5 cm round the start, and the grid's lower corner."""
-    # Turning keeps the points within this reach; a border of empty cells answers for all beyond.
+    # Points turned about the start stay within this reach. A border of empty cells stands for
+    # everything outside the grid.
     reach = float(np.linalg.norm(points, axis=1).max()) + radius + 4 * _SIGMA
     reach = min(reach, _CELL * _LARGEST_FIELD / 2)
     corner = start.translation - reach

@@ -12,18 +12,20 @@ from scipy.linalg import cho_factor, cho_solve
 from tablemap.geometry import Floats, Pose2, wrap_angles
 
 _ITERATIONS = 12
-# Robust edges begin nearly quadratic and are tightened step by step (graduated non-convexity), so
-# that the start does not decide which of two disagreeing pairs is believed.
+# Robust kernels begin nearly quadratic and are tightened step by step (graduated non-convexity).
+# So the start does not decide which of two disagreeing pairs wins.
 _SCALES = (64.0, 16.0, 4.0, 1.0, 1.0)
 _TINY = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Edge:
-    """``target_from_source`` was measured with ``information`` (3, 3) in the target's frame.
+    """A measured relative pose of two nodes.
 
-    ``robust`` is the squared Mahalanobis length from which on it is doubted (None: never);
-    ``turns_with_scale`` says that the graph's common yaw scale acts on it, as on wheel odometry.
+    - ``target_from_source``: the measured pose of the source in the target's frame
+    - ``information``: (3, 3) of x, y and yaw, in the target's frame
+    - ``robust``: squared Mahalanobis length above which the edge loses weight (None: never)
+    - ``turns_with_scale``: whether the graph's common yaw scale acts on it, as on wheel odometry
     """
 
     source: int
@@ -46,9 +48,12 @@ class Anchor:
 
 @dataclass(frozen=True, eq=False)
 class GraphSolution:
-    """``poses`` (n, 3); the weight left to each edge and anchor; ``covariance`` (3n, 3n).
+    """The solved graph.
 
-    The covariance takes the informations at their word; ``yaw_scale`` is the odometry's.
+    - ``poses``: (n, 3) x, y, yaw in metres and radians
+    - ``edge_weights``, ``anchor_weights``: in [0, 1], what the robust kernel left to each
+    - ``covariance``: (3n, 3n), right if the informations of edges and anchors are right
+    - ``yaw_scale``: the odometry's, a share
     """
 
     poses: Floats
@@ -92,17 +97,17 @@ def solve_graph(
 
 
 def edge_errors(poses: Floats, edges: Sequence[Edge]) -> Floats:
-    """Return (e, 3): how far ``poses`` (n, 3) put the sources from where the edges have them."""
+    """Return (e, 3): the residuals of the edges at ``poses`` (n, 3), metres and radians."""
     return _edge_terms(poses, 0.0, edges, 1.0)[0]
 
 
 def edge_weights(poses: Floats, edges: Sequence[Edge]) -> Floats:
-    """Return (e,): the weight in [0, 1] that ``poses`` (n, 3) leave to each edge."""
+    """Return (e,): the robust weight in [0, 1] of each edge at ``poses`` (n, 3)."""
     return _edge_terms(poses, 0.0, edges, 1.0)[1]
 
 
 def edge_error(poses: Floats, edge: Edge) -> Floats:
-    """Return (3,): how far ``poses`` (n, 3) put the source from where the edge has it."""
+    """Return (3,): the residual of the edge at ``poses`` (n, 3), metres and radians."""
     error, _ = _edge_terms(poses, 0.0, [edge], 1.0)
     return np.asarray(error[0], dtype=np.float64)
 
@@ -170,15 +175,15 @@ def _normal_equations(
         gradient[rows] += weight[k] * anchor.information @ error[k]
     system[-1, -1] += 1.0 / yaw_scale_sigma**2
     gradient[-1] += scale / yaw_scale_sigma**2
-    # A node that nothing holds stays where it is.
+    # This keeps a node without edges and anchors where it is.
     system[np.diag_indices(size)] += _TINY * max(1.0, float(np.trace(system)) / size)
     return system, gradient
 
 
 def edge_jacobians(poses: Floats, edges: Sequence[Edge]) -> tuple[Floats, NDArray[np.int64]]:
-    """Return (e, 3, 7) derivatives of the edges' errors and (e, 7) the columns that they go to.
+    """Return the derivatives (e, 3, 7) of the edges' residuals, and their columns (e, 7).
 
-    The columns are the source's x, y, yaw, the target's, and the last one: the yaw scale.
+    The columns are x, y, yaw of the source, then of the target, and last the yaw scale.
     """
     source = np.array([edge.source for edge in edges], dtype=np.int64)
     target = np.array([edge.target for edge in edges], dtype=np.int64)
@@ -209,7 +214,7 @@ def accumulate(
     information: Floats,
     error: Floats,
 ) -> None:
-    """Add the edges' parts to the normal equations, in place."""
+    """Add the edges' terms to the normal equations, in place."""
     weighted = np.swapaxes(jacobian, 1, 2) @ information
     size = len(system)
     flat = (columns[:, :, None] * size + columns[:, None, :]).ravel()
@@ -220,10 +225,10 @@ def accumulate(
 
 
 def relative_covariance(poses: Floats, covariance: Floats) -> Floats:
-    """Return the (3n, 3n) covariance with the mean pose of all held (in the least-squares sense).
+    """Return the covariance (3n, 3n) with the mean pose of all nodes fixed, by least squares.
 
-    The whole's motion in the map is taken out: a shift in x, a shift in y, a turn about the
-    centroid. What is left has rank 3n - 3.
+    The common motion of all nodes in the map is projected out: a shift in x, a shift in y, and a
+    turn about the centroid. The result has rank 3n - 3.
     """
     n = len(poses)
     centred = poses[:, :2] - poses[:, :2].mean(axis=0)

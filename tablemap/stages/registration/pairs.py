@@ -17,18 +17,21 @@ _SOURCE_POINTS = 360
 _NORMAL_COSINE = 0.9
 _LEAST_SIGMA = 0.002
 _LEAST_INLIERS = 20
-_HELD_POINTS = 0.05  # what fewer points than this (a radian counts as a metre) say is noise
+# Directions that fewer points than this share bind are noise (a radian counts as a metre).
+_HELD_POINTS = 0.05
 _DEPTH_SIGMA = 0.01
-_DEPTH_KERNEL = 0.03  # metres: Geman-McClure's scale, as depth at three metres errs
-_DEPTH_PAIR_POINTS = 20.0  # independent points that a pair is worth at most: depth bends in patches
+_DEPTH_KERNEL = 0.03  # metres, Geman-McClure's scale: depth at three metres errs by so much
+_DEPTH_PAIR_POINTS = 20.0  # most independent points in a pair: errors of depth come in patches
 _DEPTH_PRIOR = (0.05, 0.05, 0.04)
 
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """What ICP aligns: ``points`` and ``normals`` (n, 3) in a base.
+    """The points that ICP aligns.
 
-    ``handle`` is Open3D's copy of them, ``tree`` finds the nearest of them.
+    - ``points``, ``normals``: (n, 3) metres and unit vectors, in a base
+    - ``handle``: Open3D's copy of both
+    - ``tree``: finds the nearest points
     """
 
     points: Floats
@@ -51,13 +54,13 @@ def make_cloud(points: Floats, normals: Floats) -> Cloud:
 
 
 def thinned(cloud: Cloud, most: int) -> Cloud:
-    """Return at most ``most`` of a cloud's points, evenly in their order."""
+    """Return at most ``most`` of a cloud's points, taken evenly from their order."""
     every = max(1, -(-len(cloud.points) // most))
     return cloud if every == 1 else make_cloud(cloud.points[::every], cloud.normals[::every])
 
 
 def laser_clouds(stop: StopScan) -> tuple[Cloud, Cloud]:
-    """Return a stop's cloud as source, thinned, and as target."""
+    """Return a stop's cloud twice: thinned, to be a source, and whole, to be a target."""
     whole = make_cloud(stop.points, stop.normals)
     return thinned(whole, _SOURCE_POINTS), whole
 
@@ -75,7 +78,8 @@ def align_laser_pair(
 ) -> Pair:
     """Align a planar source to a target by point-to-plane ICP from wide gates to narrow ones.
 
-    The start is kept where the geometry does not speak: along bare walls ICP would slide off.
+    In directions that the geometry leaves open, the start is kept: along bare walls ICP would slide
+    off.
     """
     import open3d
 
@@ -96,7 +100,8 @@ def align_laser_pair(
             result = icp.registration_icp(
                 source_cloud.handle, target_cloud.handle, gate, pose.lifted(), estimation, once
             )
-            # Open3D sums in the order in which its threads end: rounding makes runs repeat.
+            # Open3D's threads sum in any order, which changes the last bits: rounding makes runs
+            # repeat.
             apart = Pose2.projected(np.asarray(result.transformation)).as_array()
             apart -= target_from_source.as_array()
             apart[2] = wrap_angle(apart[2])
@@ -143,7 +148,7 @@ def align_depth_pair(
 ) -> Pair:
     """Align two depth views by point-to-plane steps in SE(2) over Open3D's correspondences.
 
-    The start is kept where the geometry does not speak: it enters each step as a prior.
+    The start enters each step as a prior. It is kept in directions that the geometry leaves open.
     """
     prior = np.diag(1.0 / np.square(_DEPTH_PRIOR))
     pose, iteration, gate = target_from_source, 0, gates[0]
@@ -194,10 +199,10 @@ def weigh_pair(
     most_points: float = np.inf,
     least_sigma: float = _LEAST_SIGMA,
 ) -> Pair:
-    """Give an aligned pair the information that its correspondences really have.
+    """Give an aligned pair the information of its correspondences.
 
-    The SE(2) normal matrix of the point-to-plane residuals, over their variance, with
-    ``correlation`` neighbouring ones counted as one and no more than ``most_points`` in all.
+    This is the SE(2) normal matrix of the point-to-plane residuals, divided by their variance.
+    ``correlation`` neighbouring residuals count as one, and all count as ``most_points`` at most.
     """
     rows, residuals, share = correspondences(clouds, pose, gate=gate)
     inliers = len(residuals)
@@ -220,8 +225,8 @@ def correspondences(
 ) -> tuple[Floats, Floats, float]:
     """Return (n, 3) Jacobian rows (x, y, yaw), (n,) residuals in metres, and the share matched.
 
-    The correspondences are those of Open3D's ICP, the nearest neighbours within the gate, as far as
-    their normals agree; found in a tree that is built once, where Open3D would for every step.
+    The correspondences are those of Open3D's ICP: nearest neighbours within the gate. Pairs whose
+    normals disagree are left out. The tree is built once; Open3D would build it for every step.
     """
     source, target = clouds
     turned = pose.apply(source.points)

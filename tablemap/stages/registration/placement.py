@@ -1,4 +1,4 @@
-"""The stops as a whole in the map, and the odometry bent to go through them."""
+"""All stops placed in the map as one body, and the odometry bent to pass through them."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ _ARM = _KERNEL / _KERNEL_YAW
 def place_in_map(relative: Floats, localised: Floats) -> tuple[Pose2, Floats]:
     """Fit ``relative`` (n, 3) to the ``localised`` poses (n, 3) as one rigid body, robustly.
 
-    Returns the motion that is to be applied on the left, and the (3, 3) covariance of the whole's
-    x, y (of the mean place) and yaw. It comes from the spread of the localised poses about the fit;
-    as a wandering localisation errs alike at neighbouring stops, their number is reduced by the
-    spread's correlation from stop to stop, and views that a turning head took from one place count
-    once. What all share (a map that is off) it cannot know.
+    Returns the motion to apply on the left, and the covariance (3, 3) of the body's x, y (of the
+    mean place) and yaw. The covariance comes from the spread of the localised poses about the fit.
+    A wandering localisation errs alike at neighbouring stops: the correlation of the spread from
+    stop to stop reduces the number of poses that count. Views that a turning head took from one
+    place count once. An error that all poses share, as of a shifted map, is not in the covariance.
     """
     places = _once_a_place(relative)
     relative, localised = relative[places], localised[places]
     n = len(relative)
     fit = Pose2.from_array(localised[0]) @ Pose2.from_array(relative[0]).inverse()
     if n >= 2:
-        # The median over all single-pose placements starts it: half of them may have jumped.
+        # Start at the median of the placements by each pose: it stands if half of them jumped.
         yaw = localised[:, 2] - relative[:, 2]
         centre = np.angle(np.exp(1j * yaw).mean())
         turn = centre + np.median(wrap_angles(yaw - centre))
@@ -61,19 +61,19 @@ def place_in_map(relative: Floats, localised: Floats) -> tuple[Pose2, Floats]:
     scaled_residual = residual * [1.0, 1.0, _ARM]
     spread = float((weight[:, None] * scaled_residual**2).sum() / max(3 * weight.sum(), 1e-9))
     if n < 3:
-        # Too few to spread: as good as one localised pose is taken to be.
+        # Too few poses show no spread: assume the usual error of one localised pose.
         spread = max(spread, (_KERNEL / 2) ** 2)
     covariance = np.linalg.inv(information) * spread * n / _independent(scaled_residual, weight)
     return fit, np.asarray(covariance, dtype=np.float64)
 
 
 def stretched(relative: Floats, localised: Floats, *, sigma: float) -> tuple[Floats, float]:
-    """Stretch poses (n, 3) about their middle as far as the ``localised`` ones (n, 3) ask for.
+    """Stretch poses (n, 3) about their middle to fit the scale of the ``localised`` ones (n, 3).
 
     Poses from depth alone carry the errors of depth scale and focal length: the whole drive comes
     out too small, or too large, by percents. A localisation wanders, but it keeps its scale.
-    ``sigma`` is the prior standard deviation of the stretch, a share. Returns the poses and what is
-    left of that sigma.
+    ``sigma`` is the prior standard deviation of the stretch, a share. Returns the poses and the
+    posterior standard deviation of the stretch.
     """
     fit, _ = place_in_map(relative, localised)
     places = _once_a_place(relative)
@@ -104,10 +104,10 @@ _LEAST_WANDER = 0.01  # metres: a localisation is no better than this
 def bend_trajectory(
     trajectory: Trajectory, stamps_ns: Sequence[int], poses: Sequence[Pose2]
 ) -> Trajectory:
-    """Carry the odometry's poses into the map so that they pass through the stops' ones.
+    """Bring the odometry's poses into the map so that they pass through the stops' poses.
 
-    Between two stops the pose as seen from either is blended by the way travelled; before the first
-    and after the last the odometry goes on unbent.
+    Between two stops, each stop predicts the pose, and both predictions are blended by the distance
+    travelled. Before the first stop and after the last one, the odometry is not bent.
     """
     order = np.argsort(np.asarray(stamps_ns, dtype=np.int64), kind="stable")
     stamps = np.asarray(stamps_ns, dtype=np.int64)[order]
@@ -135,7 +135,7 @@ def bend_trajectory(
 
 
 def _once_a_place(poses: Floats) -> list[int]:
-    """Return the indices of the first pose of each run of (n, 3) at one place."""
+    """Return the first index of each run of poses (n, 3) at one place."""
     chosen = [0]
     for i in range(1, len(poses)):
         if not is_same_place(Pose2.from_array(poses[chosen[-1]]), Pose2.from_array(poses[i])):

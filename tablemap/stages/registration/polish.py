@@ -1,4 +1,4 @@
-"""All stops at once: point to line, with the laser's range bias as a nuisance."""
+"""Refinement of all stops at once, point to line, with the laser's range bias as a nuisance."""
 
 from __future__ import annotations
 
@@ -22,9 +22,13 @@ _LEAST_SIGMA = 5e-4
 
 @dataclass(frozen=True, eq=False)
 class Polished:
-    """``poses`` (n, 3); ``covariance`` (3n, 3n) with the whole loose; the nuisance; the residuals.
+    """The refined poses.
 
-    ``matched`` (n,) counts the correspondences that rest on each stop.
+    - ``poses``: (n, 3) x, y, yaw in metres and radians
+    - ``covariance``: (3n, 3n), with the common motion of all poses nearly free
+    - ``range_bias``: the nuisance, in the unit of its prior
+    - ``rms``: metres, of the residuals
+    - ``matched``: (n,), how many correspondences each stop has
     """
 
     poses: Floats
@@ -48,12 +52,12 @@ def polish(
 ) -> Polished:
     """Refine all poses (n, 3) by one Gauss-Newton over the points of all pairs, both ways.
 
-    ``edges`` (odometry) hold what the scans leave open; ``stops`` without a scan are None. The
-    points are paired within each of the ``gates`` in turn, metres, and weighed by a Geman-McClure
-    kernel of at least ``kernel`` metres. ``bias_sigma`` is the nuisance's prior: metres along unit
-    ``directions``, a share along longer ones. The iteration at a gate ends with steps below
-    ``settled`` (metres, radians). The covariance counts each beam once however many pairs it
-    serves, ``correlation`` beams as one.
+    The ``edges`` (odometry) bind directions that the scans leave open; ``stops`` without a scan are
+    None. The points are paired within each of the ``gates`` in turn, metres, and weighed by a
+    Geman-McClure kernel of at least ``kernel`` metres. ``bias_sigma`` is the nuisance's prior:
+    metres if the ``directions`` are unit vectors, a share if they are whole offsets. The iteration
+    at a gate ends with a step below ``settled`` (metres, radians). The covariance counts each beam
+    once, however many pairs use it, and ``correlation`` beams as one.
     """
     scans = {i: stop for i, stop in enumerate(stops) if stop is not None and len(stop.points)}
     trees = {i: cKDTree(stop.points) for i, stop in scans.items()}
@@ -63,7 +67,7 @@ def polish(
     size = 3 * len(poses) + 1
     bias, sigma = 0.0, kernel
     sums = _Sums(np.zeros((size, size)), np.zeros(size), 0.0, 0.0, np.zeros(len(poses)))
-    # Every beam serves in up to 2 (n - 1) residuals, and neighbours err together.
+    # Every beam is in up to 2 (n - 1) residuals, and neighbours err together.
     repeats = max(2.0 * len(ordered) / max(2 * len(scans), 1), 1.0)
     thinning = np.mean([_every(stop) for stop in scans.values()]) if scans else 1.0
     effective = repeats * max(correlation / float(thinning), 1.0)
@@ -164,7 +168,7 @@ def _add_priors(
 ) -> None:
     if edges:
         jacobian, columns = edge_jacobians(poses, edges)
-        # The last column is the range bias here: no edge knows of it.
+        # The last column is the range bias here, and edges do not depend on it.
         jacobian[:, :, 6] = 0.0
         information = np.stack([edge.information for edge in edges])
         accumulate(system, gradient, jacobian, columns, information, edge_errors(poses, edges))

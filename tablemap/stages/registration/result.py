@@ -13,7 +13,7 @@ PoseSource = Literal["laser", "depth", "localisation"]
 """What registered poses rest on."""
 
 PairKind = Literal["laser", "depth", "loop", "odometry"]
-"""What ties two snapshots; a ``loop`` is a pair of depth views that do not follow each other."""
+"""Kinds of constraints. A ``loop`` is a pair of depth views that do not follow each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class StopScan:
     - ``directions``: (n, 2) unit vectors, the beams of the points
     - ``origin``: (2,) metres, the laser's place
     - ``bearings``, ``ranges``: (m,) radians and metres of all beams by ascending bearing, NaN where
-      nothing was measured: they know what is free, and keep the points without a normal
+      nothing was measured; they tell which space is free, and include points without a normal
     - ``noise``: metres, the points' RMS off the lines through their neighbours
     """
 
@@ -75,7 +75,7 @@ class Pair:
     - ``information``: (3, 3) of x, y and yaw in the target's base, near zero in directions that the
       geometry leaves open
     - ``fitness``: share of the source's points that found a partner
-    - ``rmse``, ``inliers``: metres between those that correspond, and their number
+    - ``rmse``, ``inliers``: metres RMS between corresponding points, and their number
     - ``reason``: why it was dropped
     """
 
@@ -93,16 +93,16 @@ class Pair:
 
 @dataclass(frozen=True)
 class LaserStatistics:
-    """How a stop's scan fits those of the stops that it is paired with.
+    """How a stop's scan fits the scans of the stops that it is paired with.
 
-    Medians over the pairs, so that one person or moved chair does not decide.
+    Most are medians over the pairs, so that one person or moved chair does not decide.
 
-    - ``rms``: metres, robust, between points that correspond
-    - ``overlap``: share of its points that the other saw too
-    - ``consistent``: share of those within 15 mm, or three times the noise
-    - ``violation``: share of its points that lie in the other's free space
-    - ``score``: its likelihood among the points of all others
-    - ``noise``: metres, what the scans' own noise makes of ``rms`` at the right place
+    - ``rms``: metres, robust, between corresponding points
+    - ``overlap``: share of its points that the other stop saw too, of the best pair
+    - ``consistent``: share of these points within 15 mm, or three times the noise
+    - ``violation``: share of its points that lie in the other stop's free space
+    - ``score``: its mean likelihood among the points of all others
+    - ``noise``: metres, the ``rms`` that the scans' own noise gives at the right place
     """
 
     rms: float
@@ -115,7 +115,7 @@ class LaserStatistics:
 
 @dataclass(frozen=True)
 class DepthPairStatistics:
-    """What depth says of a stop without a scan: its pairs, and how many the graph kept."""
+    """The depth pairs of a stop without a scan, and how many of them the graph kept."""
 
     depth_pairs: int
     depth_pairs_used: int
@@ -123,22 +123,22 @@ class DepthPairStatistics:
 
 @dataclass(frozen=True)
 class DepthStatistics:
-    """How a view that is registered by its depth fits the others; None where nothing compares.
+    """How a view that is registered by its depth fits the others; None if it cannot be compared.
 
     The first four are medians over the other views.
 
     - ``edge_points``: how many points of the table's edge it shows
-    - ``shared``: share of them near which the other saw a parallel edge
-    - ``consistent``: share of those that lie on it, within 15 mm or three times the noise
-    - ``violation``: how much of the top it saw where the other saw through, or the reverse, by more
-      than 4 cm, as a share of its top
+    - ``shared``: share of these points with a parallel edge of the other view nearby
+    - ``consistent``: share of the shared points on that edge, within 15 mm or three times the noise
+    - ``violation``: share of its top that lies more than 4 cm inside the free space of the other
+      view, or the reverse
     - ``agreeing``: share of the other views that it agrees with
     - ``heading_tied``: whether its heading is tied to more than half of those that show the top
-    - ``upright_points``: how many points of what stands upright it shares with others
-    - ``upright_score``, ``upright_violation``: how these fit, as a `Sighting` has it
+    - ``upright_points``: how many points on upright surfaces it shares with others
+    - ``upright_score``, ``upright_violation``: how well these fit, as defined in `Sighting`
     - ``pairs``: how many pairs of views tie it
-    - ``edge_rms``: metres, of all views' edges
-    - ``moved``: metres that the edges moved it from where the pairs had it
+    - ``edge_rms``: metres, of the edges of all views
+    - ``moved``: metres between its pose by the pairs and its pose by the edges
     """
 
     edge_points: float | None = None
@@ -160,7 +160,7 @@ class StopCheck:
     """Whether one stop is where it should be.
 
     - ``index``: the snapshot's
-    - ``statistics``: what it was judged by; None where it could not be compared
+    - ``statistics``: the figures that it was judged by; None if it could not be compared
     - ``reasons``: why it failed
     """
 
@@ -172,20 +172,20 @@ class StopCheck:
 
 @dataclass(frozen=True, eq=False)
 class Registration:
-    """Where every snapshot was.
+    """The registered pose of every snapshot.
 
-    - ``map_from_base``: one pose a snapshot, in their order
-    - ``covariance``: (3n, 3n) of x, y and yaw in the map, in the same order; it is relative: with
-      the mean pose held
-    - ``placement_covariance``: (3, 3), how well the whole is placed in the map
+    - ``map_from_base``: one pose a snapshot, in the snapshots' order
+    - ``covariance``: (3n, 3n) of x, y and yaw in the map, in the same order; it is relative: the
+      mean pose is fixed
+    - ``placement_covariance``: (3, 3) of x, y and yaw, for a common motion of all poses in the map
     - ``graph_before``: the poses before the graph was solved
     - ``used``: one a snapshot, False where its check failed
     - ``trajectory``: the registered base in the map, at the odometry's stamps
     - ``source``: what the poses rest on
-    - ``systematic``: metres, the standard deviation per axis of what residuals cannot see; it
-      rests on what is assumed of the sensors, not on data
-    - ``stretch_sigma``: the share by which a laser's ranges may stretch all distances between the
-      poses alike; it is not in the covariance
+    - ``systematic``: metres, the standard deviation per axis of errors that residuals cannot show;
+      it comes from the assumed errors of the sensors, not from data
+    - ``stretch_sigma``: standard deviation, a share, of a common stretch of all distances between
+      the poses, as a laser's ranges cause it; it is not in the covariance
     """
 
     map_from_base: tuple[Pose2, ...]

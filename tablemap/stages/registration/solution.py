@@ -1,4 +1,4 @@
-"""What the laser's and the depth's registration return, and what both build it from."""
+"""The common result of registration by laser and by depth, and the parts both build it from."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Solution:
 
 
 def odometry_edges(snapshots: Sequence[Snapshot], odometry: Odometry) -> list[Edge]:
-    """Tie each snapshot to the one before by the odometry, looser the longer the way."""
+    """Tie each snapshot to the one before by the odometry; a longer way makes a looser tie."""
     edges = []
     trajectory = odometry.trajectory
     for i in range(1, len(snapshots)):
@@ -55,9 +55,9 @@ def odometry_edges(snapshots: Sequence[Snapshot], odometry: Odometry) -> list[Ed
 
 
 def localisation_anchors(snapshots: Sequence[Snapshot], sensors: SensorsConfig) -> list[Anchor]:
-    """Hold each snapshot loosely at its localised pose; one that has jumped lets go.
+    """Bind each snapshot loosely to its localised pose; a pose that has jumped loses its weight.
 
-    A pose that was said to be less sure than is believed of any counts less.
+    A pose counts less if its recorded covariance is larger than the assumed one.
     """
     heading = np.radians(sensors.localisation_sigma_deg)
     believed = np.array([sensors.localisation_sigma, sensors.localisation_sigma, heading])
@@ -73,7 +73,7 @@ def localisation_anchors(snapshots: Sequence[Snapshot], sensors: SensorsConfig) 
 
 
 def floored(information: Floats, sigma: tuple[float, float, float]) -> Floats:
-    """Add what no pair is free of (a moved chair, the map's texture) to the pair's covariance."""
+    """Add to a pair's covariance the errors that every pair has (a moved chair, the texture)."""
     values, vectors = np.linalg.eigh(information)
     weak = np.diag(np.square(sigma))
     positive = np.maximum(values, 1e-6)
@@ -84,7 +84,7 @@ def floored(information: Floats, sigma: tuple[float, float, float]) -> Floats:
 def pair_edges(
     pairs: Sequence[Pair], *, sigma: tuple[float, float, float], robust: float
 ) -> list[Edge]:
-    """Return aligned pairs as edges of the graph, none believed further than ``sigma``."""
+    """Return aligned pairs as edges of the graph, none with a smaller sigma than ``sigma``."""
     return [
         Edge(
             pair.source,
@@ -98,7 +98,10 @@ def pair_edges(
 
 
 def judge_pair(pair: Pair, weight: float | None, poses: Floats) -> Pair:
-    """Mark a pair that the graph let go (``weight`` None: it was not in it) as dropped, and why."""
+    """Mark a pair as dropped, with the reason, if the graph dropped it or never had it.
+
+    ``weight`` is the robust weight of the pair's edge, None if the pair was not in the graph.
+    """
     if not pair.used:
         return pair
     if weight is None:
@@ -116,7 +119,7 @@ def judge_pair(pair: Pair, weight: float | None, poses: Floats) -> Pair:
 
 
 def odometry_pairs(edges: Sequence[Edge], weights: Floats) -> list[Pair]:
-    """Report the odometry's edges among the pairs, those that the graph let go as dropped."""
+    """Report the odometry's edges among the pairs; edges that the graph dropped are not used."""
     pairs = []
     for edge, weight in zip(edges, weights, strict=True):
         used = bool(weight > _USED_WEIGHT)

@@ -24,7 +24,7 @@ from tablemap.stages.snapshots import Snapshot
 
 _LEAST_STOP_POINTS = 40
 _DEPTH_EXCESS = 2.0
-"""How many times their formal sigmas poses from depth alone err: so it is on real drives."""
+"""Real errors of poses from depth alone over their formal sigmas, as measured on real drives."""
 _WANDERS = 0.10  # metres: a localisation that spreads further is worth a warning
 
 
@@ -38,18 +38,18 @@ def register(
     sensors: SensorsConfig,
     record: Record,
 ) -> Registration:
-    """Place all snapshots in the map, relative to each other to millimetres, and check it.
+    """Place all snapshots in the map, relative to each other to millimetres, and check them.
 
-    From the laser's stop scans where there are any, else from what the depth images show upright
-    and the table's ``edges``, which are asked for only then, else from the localisation. Every
-    stop's scan and every ICP iteration go to ``record``. Nothing here is random. Raises
-    `EstimationError` without any snapshot.
+    The poses come from the laser's stop scans. Without a laser they come from upright surfaces in
+    the depth images and from the table's ``edges``, which are computed only then. Without both they
+    come from the localisation. Every stop's scan and every ICP iteration go to ``record``. Nothing
+    here is random. Raises `EstimationError` without any snapshot.
     """
     if not snapshots:
         raise EstimationError("expected at least one snapshot to register, found none")
     localised = np.array([snapshot.map_from_base.as_array() for snapshot in snapshots])
     initial = _initial(odometry, snapshots, localised)
-    # Small systems: threads cost more than they give, and one thread repeats.
+    # The systems are small: threads cost more than they save, and one thread makes runs repeat.
     with threadpool_limits(limits=1):
         stops = _stop_scans(recording, snapshots, odometry, config, sensors)
         for stop in stops:
@@ -104,9 +104,9 @@ def register(
 
 
 def _initial(odometry: Odometry, snapshots: tuple[Snapshot, ...], localised: Floats) -> Floats:
-    """Return (n, 3): the odometry's poses at the snapshots, as a whole where the localisation is.
+    """Return (n, 3): the odometry's poses at the snapshots, moved as one body to the localisation.
 
-    Without anything better than the localisation they are the localised ones.
+    If the odometry is only the localisation, these are the localised poses.
     """
     if odometry.source == "localisation":
         return localised

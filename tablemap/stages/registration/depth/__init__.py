@@ -1,1 +1,1 @@
-"""Registration where only the depth images do."""
+"""Registration from depth images alone, for recordings without a laser."""

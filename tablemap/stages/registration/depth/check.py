@@ -21,16 +21,16 @@ _LEAST_CONSISTENT = 0.4
 _FEW_POINTS = 30
 _MOST_POINTS = 200
 _VOTE_STRIDE = 2
-_VOTE_APART = 0.02  # metres: nearer to a vote than this lies in what the votes cover
+_VOTE_APART = 0.02  # metres: a point nearer to a vote than this is on the area that votes cover
 _VOTE_MARGIN = 0.04
 _LARGEST_VIOLATION = 0.04
-_FEW_DOUBTS = 0.2  # of the others: a view that has slid along a side contradicts but a few
+_FEW_DOUBTS = 0.2  # of the others: a view that has slid along a side contradicts only a few
 _DOUBTFUL = 4.0  # times what is usual among the others
 
 
 @dataclass(frozen=True)
 class Checked:
-    """The views' ``checks``, and the largest ``company`` (indices) of views that agree."""
+    """The views' ``checks``, and the ``company``: indices of the largest group that agrees."""
 
     checks: tuple[StopCheck, ...]
     company: frozenset[int]
@@ -46,9 +46,10 @@ def check_views(
 ) -> Checked:
     """Compare each view's edges and votes with those of every other, all at ``poses`` (n, 3).
 
-    The largest company of views that agree stands; the others fail, and all of them where it is
-    not the greater half. Statistics are medians over the company. A view without edges has none,
-    and passes: it rests on odometry, localisation and pairs, and its sigma says so.
+    The largest company of views that agree with each other passes, and the other views fail. Where
+    this company is not more than half of the views, all fail. The statistics are medians over the
+    company. A view without edges has no statistics and passes: its pose rests on odometry,
+    localisation and pairs, and its sigma says so.
     """
     votes = {} if outline is None else {view.index: view for view in outline.views}
     located = [Pose2.from_array(pose) for pose in poses]
@@ -85,7 +86,7 @@ def check_views(
 
 
 def statistics_of(check: StopCheck) -> DepthStatistics:
-    """Return a view's statistics so far, to be added to."""
+    """Return a check's statistics; they may still grow."""
     return check.statistics if isinstance(check.statistics, DepthStatistics) else DepthStatistics()
 
 
@@ -94,7 +95,7 @@ def _company(
     agree: dict[tuple[int, int], bool],
     compared: dict[tuple[int, int], _Agreement],
 ) -> set[int]:
-    """Return the views that are left when those that contradict too many have gone, worst first."""
+    """Drop the views that contradict too many others, worst first, and return the rest."""
     company = set(views)
     while len(company) > 1:
         against = {i: [j for j in company if i != j and not agree[i, j]] for i in company}
@@ -146,7 +147,7 @@ def _compare(own: _View, other: _View) -> _Agreement:
     near = np.isfinite(distance)
     nearest = np.where(near, nearest, 0)
     normals = other.normals[nearest]
-    # Where the other's edge turns a corner, or ends before it, there is nothing to compare.
+    # Where the other view's edge turns a corner, or ends early, there is nothing to compare.
     near &= np.einsum("nki,ni->nk", normals, own.normals) > _NORMAL_COSINE
     apart = np.einsum("nki,nki->nk", normals, own.points[:, None] - other.points[nearest])
     limit = max(_CONSISTENT, 3 * float(np.hypot(own.noise, other.noise)))
@@ -163,7 +164,7 @@ def _compare(own: _View, other: _View) -> _Agreement:
 
 
 def _inside(points: Floats, region: cKDTree, opposite: cKDTree) -> int:
-    """Count the points amid a region and not within the margin of the opposite one."""
+    """Count the points that lie in a region and outside the margin of the opposite region."""
     if min(len(points), region.n, opposite.n) == 0:
         return 0
     amid, _ = region.query(points, distance_upper_bound=_VOTE_APART)

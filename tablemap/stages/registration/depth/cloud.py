@@ -1,4 +1,4 @@
-"""What a depth image shows upright, as points with normals that bind the plane's three freedoms."""
+"""The upright surfaces in a depth image, as points with normals: they bind x, y and yaw."""
 
 from __future__ import annotations
 
@@ -12,21 +12,23 @@ _EVERY_PIXEL = 3
 _VOXEL = 0.03
 _NORMAL_RADIUS = 0.09
 _NORMAL_NEIGHBOURS = 30
-_UPRIGHT = 0.35  # of the normal's length in the plane: less is floor or table top, which slide
+# The least share of a normal's length in the plane. Below it, a surface is floor or table top: such
+# surfaces bind nothing in the plane.
+_UPRIGHT = 0.35
 _LEAST_HEIGHT = 0.06  # metres over the floor
 _AZIMUTHS = 18
 _LEAST_POINTS = 60
 
 
 def upright_cloud(snapshot: Snapshot, *, maximum_range: float) -> Cloud | None:
-    """Return what stands upright as points in the base, one a voxel, or None where little does."""
+    """Return points on upright surfaces, in the base, one a voxel; None where there are few."""
     import open3d
 
     every = snapshot.depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]
     seen = np.isfinite(every) & (every > 0) & (every < maximum_range)
     rays = snapshot.camera.rays[::_EVERY_PIXEL, ::_EVERY_PIXEL][seen]
     in_base = transform(snapshot.base_from_camera, rays * every[seen, None])
-    # Floor is no use; what it lends to the normals of what stands on it, none either.
+    # Floor points are no use. They would also bend the normals of the things that stand on it.
     in_base = in_base[in_base[:, 2] > _LEAST_HEIGHT / 2]
     if len(in_base) < _LEAST_POINTS:
         return None
@@ -37,7 +39,7 @@ def upright_cloud(snapshot: Snapshot, *, maximum_range: float) -> Cloud | None:
         open3d.geometry.KDTreeSearchParamHybrid(_NORMAL_RADIUS, _NORMAL_NEIGHBOURS)
     )
     cloud.orient_normals_towards_camera_location(snapshot.base_from_camera[:3, 3])
-    # Rounded, as the order in which Open3D's threads sum would else show in the last bits.
+    # Open3D's threads sum in any order, which changes the last bits: rounding makes runs repeat.
     places = np.round(np.asarray(cloud.points), 7)
     normals = np.round(np.asarray(cloud.normals), 7)
     upright = np.linalg.norm(normals[:, :2], axis=1) > _UPRIGHT
@@ -49,19 +51,19 @@ def upright_cloud(snapshot: Snapshot, *, maximum_range: float) -> Cloud | None:
 
 
 def balanced_cloud(cloud: Cloud, points: int) -> Cloud:
-    """Return up to ``points`` of a cloud's points, their normals' azimuths balanced.
+    """Return up to ``points`` of a cloud's points, with the azimuths of their normals balanced.
 
-    Sparse directions keep all that they have, so that one large wall does not outvote the rest.
+    Rare directions keep all their points, so that one large wall does not outvote the rest.
     """
     kept = balanced(np.arctan2(cloud.normals[:, 1], cloud.normals[:, 0]), points)
     return make_cloud(cloud.points[kept], cloud.normals[kept])
 
 
 def balanced(azimuths: Floats, wanted: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    """Return the indices of at most ``wanted`` azimuths, as even over the circle as can be."""
+    """Return the indices of at most ``wanted`` azimuths, spread over the circle evenly."""
     bins = ((azimuths + np.pi) / (2 * np.pi) * _AZIMUTHS).astype(np.int64) % _AZIMUTHS
     counts = np.bincount(bins, minlength=_AZIMUTHS)
-    # The level at which filling all bins gives the wanted number.
+    # Find the number of points a bin at which all bins together hold the wanted number.
     low, high = 0, int(counts.max(initial=1))
     while low < high:
         middle = (low + high + 1) // 2

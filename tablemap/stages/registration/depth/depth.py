@@ -1,4 +1,4 @@
-"""Registration without a laser: pairs of depth views, by what stands upright in them."""
+"""Registration without a laser: pairs of depth views, aligned by their upright surfaces."""
 
 from __future__ import annotations
 
@@ -48,16 +48,17 @@ from tablemap.stages.registration.solution import (
 from tablemap.stages.snapshots import Snapshot
 
 PAIR_GATES = (0.2, 0.12, 0.07)
-"""Metres within which the points of two depth views correspond, one gate after the other."""
+"""Gates, metres: points of two depth views correspond within a gate; ICP uses them in turn."""
 
-_ROUNDS = 2  # times that the pairs are aligned and the graph is solved
+_ROUNDS = 2  # how often the pairs are aligned and the graph is solved
 _GAPS = (1, 2, 3, 5, 8)
-_MOST_LOOPS = 6  # pairs of a view beside those of `_GAPS`: more say the same
+_MOST_LOOPS = 6  # pairs of a view beside those of `_GAPS`: more pairs add nothing new
 _OVERLAP_REACH = 0.2
 _OVERLAP_POINTS = 150
-_LEAST_FITNESS = 0.1  # less of a view's points find a partner anywhere, by chance
+_LEAST_FITNESS = 0.1  # a smaller share of a view's points finds partners anywhere, by chance
 _SAME_PLACE, _SAME_TURN = 0.03, np.radians(1.0)
-# A tilt t lifts the floor at d by d t and shifts what lies on a plane c lower by (c + x x / c) t.
+# A tilt t of the camera lifts the floor at distance d by d t. It shifts a point at distance x, on a
+# plane that lies c below the camera, by (c + x x / c) t.
 _SIDEWAYS = 1.5
 _FLOOR_STRIDE = 6
 _FLOOR_BAND = 0.03  # metres
@@ -74,12 +75,12 @@ def register_depth(
     sensors: SensorsConfig,
     record: Record,
 ) -> Solution:
-    """Register the views by their depth from ``initial`` (n, 3), as far as it can be trusted.
+    """Register the views by their depth from ``initial`` (n, 3), and check the result.
 
-    Pairs of upright surfaces tie a graph of odometry and localisation; then the table's own edges
-    are laid onto each other in all views at once, with the depth's scale as a nuisance. What none
-    of this shows is a wrong focal length: it shifts all that a view sees by that share of its
-    distance, and is the systematic part.
+    Pairs of upright surfaces join odometry and localisation in a graph. Then the table's own edges
+    are laid onto each other in all views at once, with the depth's scale as a nuisance. None of
+    this shows a wrong focal length. It shifts each point by the same share of its distance, and
+    makes the systematic part.
     """
     uprights = {
         i: cloud
@@ -87,7 +88,7 @@ def register_depth(
         if (cloud := upright_cloud(snapshot, maximum_range=config.depth_range)) is not None
     }
     clouds = {i: balanced_cloud(cloud, config.depth_points) for i, cloud in uprights.items()}
-    # Where many pairs say the same, half the points do.
+    # With many pairs of each view, half the points are enough.
     most = config.depth_points // (2 if len(clouds) > config.partners else 1)
     sources = {i: thinned(cloud, most) for i, cloud in clouds.items()}
     edges = odometry_edges(snapshots, odometry)
@@ -108,7 +109,7 @@ def register_depth(
                 kind,
                 (sources[source], clouds[target]),
                 start,
-                # What the graph has laid right needs no wide gate again.
+                # The graph has brought the pairs close: the second round needs no wide gate.
                 gates=PAIR_GATES[min(round_, len(PAIR_GATES) - 1) :],
                 record=record,
             )
@@ -130,7 +131,7 @@ def register_depth(
         i: make_sight(snapshots[i], cloud, maximum_range=config.depth_range)
         for i, cloud in uprights.items()
     }
-    # A localisation that stands in for odometry errs by itself at every view.
+    # A localisation in place of odometry errs independently at every view.
     independent = odometry.source != "localisation"
     ties = [(pair.source, pair.target) for pair in moved if pair.used and independent]
     checks, doubts = check_headings(checked, sights, table, poses, ties)
@@ -154,7 +155,7 @@ def _settled(found: Pose2, start: Pose2) -> bool:
 def _with_context(
     checks: Sequence[StopCheck], pairs: Sequence[Pair], polished: Polished, graph: GraphSolution
 ) -> tuple[StopCheck, ...]:
-    """Return the checks with what their poses rest on, and how far the edges moved them."""
+    """Add to the checks the number of pairs, and how far the edges moved each view."""
     used = [pair for pair in pairs if pair.used]
     steps = (polished.poses - graph.poses)[:, :2]
     moved = np.linalg.norm(steps - steps.mean(axis=0), axis=1)
@@ -173,7 +174,7 @@ def _with_context(
 
 
 def _reach(outlines: Sequence[StopScan | None], poses: Floats) -> float:
-    """Return how far what is seen lies from the views, in metres."""
+    """Return the distance between the views and the table's edges, metres."""
     seen = [outline.directions for outline in outlines if outline is not None]
     if seen:
         return float(np.median(np.linalg.norm(np.concatenate(seen), axis=1)))
@@ -182,10 +183,10 @@ def _reach(outlines: Sequence[StopScan | None], poses: Floats) -> float:
 
 
 def _tilt_covariance(snapshots: Sequence[Snapshot]) -> Floats:
-    """Return (3n, 3n): what each view's own tilt adds, as the floors of the views disagree.
+    """Return the covariance (3n, 3n) from each view's own tilt, as the floors show it.
 
-    A camera held by hand tilts differently in every view. The tilt that lifts the floor moves what
-    lies on the top sideways by about `_SIDEWAYS` times as much, alike in all of the view.
+    A camera held by hand tilts differently in every view. A tilt lifts the floor, and moves the
+    points of the top sideways by about `_SIDEWAYS` times as much, all points of a view alike.
     """
     medians = []
     for snapshot in snapshots:
@@ -205,7 +206,7 @@ def _tilt_covariance(snapshots: Sequence[Snapshot]) -> Floats:
 def choose_views(
     clouds: dict[int, Cloud], located: Sequence[Pose2], config: RegistrationConfig
 ) -> list[tuple[int, int, PairKind]]:
-    """Return (source, target, kind) of views that follow each other or that see the same."""
+    """Return (source, target, kind) of views that follow each other or see the same surfaces."""
     trees = {i: cKDTree(located[i].apply(cloud.points)) for i, cloud in clouds.items()}
     chosen: dict[tuple[int, int], PairKind] = {}
     for i, cloud in clouds.items():

@@ -20,9 +20,9 @@ from tablemap.stages.snapshots import Snapshot
 
 _LEAST_POINTS = 15
 _CORRELATED_POINTS = 15.0  # neighbouring edge points that err together: they count as one
-_SETTLED = 1e-4  # a tenth of a millimetre: what is left of it is noise
+_SETTLED = 1e-4  # a tenth of a millimetre: smaller steps are noise
 _POLISHES = 3
-# A turn about the top shows where it costs so much of the mean likelihood.
+# Edges fix a heading where a turn about the top lowers the mean likelihood by at least this.
 _TURNED_MARGIN = 0.1
 _TURNED_POINTS = 200
 _TURNED_NEAR = 0.10
@@ -32,7 +32,7 @@ _NORMAL_COSINE = 0.9
 
 @dataclass(frozen=True, eq=False)
 class Laid:
-    """The ``polished`` poses, and which of the held edges were ``kept`` (n,)."""
+    """The ``polished`` poses, and a mask ``kept`` (n,) of the held edges."""
 
     polished: Polished
     kept: NDArray[np.bool_]
@@ -41,9 +41,10 @@ class Laid:
 def table_edges(
     snapshots: Sequence[Snapshot], outline: Outline | None
 ) -> tuple[StopScan | None, ...]:
-    """Return each view's edge of the top as a scan of it, None where the view shows none.
+    """Return each view's edge of the top in the form of a scan; None where the view shows none.
 
-    Its ``directions`` are the points' offsets from the camera: along them a depth scale moves them.
+    The scan's ``directions`` are the points' offsets from the camera: a depth scale moves the
+    points along these.
     """
     at = {snapshot.index: place for place, snapshot in enumerate(snapshots)}
     scans: list[StopScan | None] = [None] * len(snapshots)
@@ -74,16 +75,16 @@ def lay_edges(
     *,
     let_go: NDArray[np.bool_] | None = None,
 ) -> Laid:
-    """Lay the edges of all views onto each other from ``poses`` (n, 3), over what ``held`` knows.
+    """Lay the table's edges in all views onto each other, from ``poses`` (n, 3).
 
-    Held edges with a ``robust`` limit are let go where the result contradicts them further than
-    that, and the rest is solved again: a few wrong pairs would else bend all views. Those of
-    ``let_go`` (n,) are out from the start.
+    ``held`` are edges of the graph, used as priors. Where the result contradicts a held edge by
+    more than its ``robust`` limit, that edge is dropped and the rest is solved again: otherwise a
+    few wrong pairs would bend all views. The mask ``let_go`` (n,) drops held edges from the start.
     """
     present = [i for i, scan in enumerate(edges) if scan is not None]
     pairs = [(b, a) for a, b in itertools.combinations(present, 2)]
     if len(present) > config.partners:
-        # Neighbours, and a few from all round: the rest says the same again.
+        # Take the neighbours and a few views from all round: further ones add nothing new.
         apart = max(1, 2 * len(present) // config.partners)
         pairs = [(b, a) for b, a in pairs if b - a <= 2 or (b - a) % apart == 0]
     gates = config.gates
@@ -109,7 +110,7 @@ def lay_edges(
         if (agree == kept).all():
             break
         kept = agree
-        # What is left to find is near.
+        # The next solution is near: the narrow gates are enough.
         gates = config.gates[-2:]
     return Laid(polished, kept)
 
@@ -117,9 +118,9 @@ def lay_edges(
 def turning_edges(
     edges: Mapping[int, StopScan | None], located: Sequence[Pose2], turns: Sequence[Pose2]
 ) -> list[int]:
-    """Return the views whose edges fit the others' clearly better than after any of the turns.
+    """Return the views whose edges fix their heading: any of the turns fits clearly worse.
 
-    ``located`` are the poses of all views, ``turns`` motions in their frame.
+    ``located`` are the poses of all views, and ``turns`` are motions in the frame of these poses.
     """
     scans = {i: edge for i, edge in edges.items() if edge is not None}
     points = {i: located[i].apply(scan.points) for i, scan in scans.items()}

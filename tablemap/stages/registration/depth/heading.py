@@ -1,7 +1,7 @@
 """Whether anything confirms the headings of views registered by their depth, or contradicts them.
 
-A round top's edges fit turned by anything. What ties a view's heading to the others' is then the
-wheels, or what stands upright behind the table and is seen from another view too.
+A round top's edges fit at any heading. Then only two things tie a view's heading to the others':
+the wheels, and upright surfaces behind the table that another view saw too.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from tablemap.stages.registration.depth.sight import Sight, Sighting, sighting
 from tablemap.stages.registration.result import StopCheck, StopScan
 
 # The limits lie between right registrations of simulated tables and ones that were made wrong on
-# purpose, people who walk and furniture that is moved included.
+# purpose. Both include walking people and furniture that is moved.
 _LEAST_POINTS = 40
-_PARTNERS = 4  # of a view, those that share most of its sight
+_PARTNERS = 4  # the other views that share most of a view's sight
 _GOOD_SCORE = 0.45
 _SMALL_VIOLATION = 0.15
 _BAD_SCORE = 0.35
 _MARGIN = 0.1
-_BETTER = 0.3  # of score, elsewhere: it stands there, not here
+_BETTER = 0.3  # of score: a turned pose that fits so much better shows that this one is wrong
 _TURNS = np.radians([-30, -25, -20, -16, -12, -9, -6, 6, 9, 12, 16, 20, 25, 30])
 
 
@@ -47,7 +47,7 @@ class _Company:
         return self.group[first] == self.group[second]
 
     def greater_half(self, counted: Collection[int]) -> frozenset[int]:
-        """Return the group that holds more than half of those counted, empty where none does."""
+        """Return the group with more than half of the counted views, empty where there is none."""
         groups = [self.group[i] for i in counted]
         largest = max(groups, key=groups.count, default=-1)
         members = frozenset(i for i, group in self.group.items() if group == largest)
@@ -63,11 +63,12 @@ def check_headings(
 ) -> tuple[tuple[StopCheck, ...], tuple[ProcessWarning, ...]]:
     """Check the headings of the views that passed so far, at ``poses`` (n, 3).
 
-    ``ties`` are pairs of views whose relative heading is known otherwise, as by the wheels. Edges
-    tie a view to all others where they fit clearly worse turned about the top; uprights tie two
-    where they fit, and clearly worse turned. A view whose uprights contradict another's fails,
-    unless it is tied to more than half of those that show the top (people walk). The warning names
-    the views that show the top and that nothing ties to such a half.
+    ``ties`` are pairs of views whose relative heading is known from elsewhere, as from the wheels.
+    Edges tie a view to all others where any turn about the top fits clearly worse. Uprights tie
+    two views where they fit, and any turn fits clearly worse. A view fails where its uprights
+    contradict another view's. It still passes where it is tied to more than half of the views that
+    show the top, as people walk. The warning names the views that show the top and that nothing
+    ties to such a half.
     """
     views = [check.index for check in checked.checks if check.passed]
     if len(views) < 2:
@@ -99,7 +100,7 @@ def check_headings(
             continue
         if seen.score > _best_turned(sights, located, pair, centre) + _MARGIN:
             company.tie(*pair)
-    # What shows no edge of the top says nothing of it, whatever its heading.
+    # A view without an edge of the top says nothing about the top, whatever its heading.
     showing = [i for i in views if edges[i] is not None] or views
     tied = company.greater_half(showing)
     checks = tuple(
@@ -155,7 +156,7 @@ def _unchecked(unknown: Sequence[int]) -> tuple[ProcessWarning, ...]:
 def _sightings(
     sights: Mapping[int, Sight], located: Sequence[Pose2], views: Sequence[int]
 ) -> dict[tuple[int, int], Sighting]:
-    """Return the (later, earlier) pairs that share enough, the ``_PARTNERS`` best of each view."""
+    """Return the (later, earlier) pairs that share enough: the ``_PARTNERS`` best of each view."""
     every = {
         (i, j): seen
         for j, i in itertools.combinations([i for i in views if i in sights], 2)

@@ -1,4 +1,4 @@
-"""What the graph of depth pairs leaves to be believed: of the odometry, and of the pairs."""
+"""Which edges of odometry and which depth pairs still count after the graph is solved."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from tablemap.stages.registration.solution import floored, odometry_pairs
 
 PAIR_ROBUST = 9.0
 PAIR_SIGMA = (0.01, 0.01, 0.005)
-"""No depth pair is believed further than this (metres, metres, radians)."""
+"""The least sigma of a depth pair (metres, metres, radians), however well its points fit."""
 _LET_GO = 16.0  # squared sigmas in three freedoms: one right pair in a thousand
 _INDEPENDENT_PAIRS = 4
 
 
 def contradicted(pairs: Sequence[Pair], kept: NDArray[np.bool_]) -> list[Pair]:
-    """Mark the used pairs that the table's edges contradict (not ``kept``) as dropped."""
+    """Mark those used pairs as dropped that the table's edges contradict (not ``kept``)."""
     used = [pair for pair in pairs if pair.used]
     gone = {id(pair) for pair, keep in zip(used, kept, strict=True) if not keep}
     reason = "contradicts the table's edges in all views"
@@ -29,7 +29,7 @@ def contradicted(pairs: Sequence[Pair], kept: NDArray[np.bool_]) -> list[Pair]:
 
 
 def _unscaled(graph: GraphSolution, edges: Sequence[Edge]) -> list[Edge]:
-    """Return the odometry's edges freed of its yaw scale."""
+    """Return the odometry's edges with the common yaw scale taken out."""
     freed = []
     for edge in edges:
         step = edge.target_from_source
@@ -40,7 +40,7 @@ def _unscaled(graph: GraphSolution, edges: Sequence[Edge]) -> list[Edge]:
 
 
 def odometry_report(edges: Sequence[Edge], graph: GraphSolution, poses: Floats) -> list[Pair]:
-    """Report the odometry's edges: used are those that the graph kept and ``poses`` agree with."""
+    """Report the odometry's edges; an edge is used if the graph kept it and ``poses`` agree."""
     if not edges:
         return []
     at_last = edge_weights(poses, _unscaled(graph, edges))
@@ -48,7 +48,7 @@ def odometry_report(edges: Sequence[Edge], graph: GraphSolution, poses: Floats) 
 
 
 def held_edges(graph: GraphSolution, pairs: Sequence[Pair], edges: Sequence[Edge]) -> list[Edge]:
-    """Return what the graph believed, as far as it did, the odometry freed of its yaw scale."""
+    """Return the graph's edges by the weight it left them, the odometry without its yaw scale."""
     held = [
         replace(edge, information=weight * edge.information)
         for edge, weight in zip(
@@ -57,7 +57,7 @@ def held_edges(graph: GraphSolution, pairs: Sequence[Pair], edges: Sequence[Edge
     ]
     used = [pair for pair in pairs if pair.used]
     views = len({index for pair in used for index in (pair.source, pair.target)})
-    # A view errs alike in all its pairs: more than a few of them add little.
+    # A view makes the same error in all its pairs: more than a few pairs add little.
     share = min(1.0, _INDEPENDENT_PAIRS * max(views, 1) / max(2 * len(used), 1))
     held += [
         Edge(

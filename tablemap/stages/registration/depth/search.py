@@ -1,4 +1,4 @@
-"""A search for the views whose place contradicts the others, by the table's edges."""
+"""A search, by the table's edges, for the right place of views that contradict the others."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tablemap.stages.snapshots import Snapshot
 
 _ROUNDS = 2
 _BETTER = 0.05  # of score: less is no reason to move a view
-_LEAST_MARGIN = 0.1  # of score to any other place: a round table fits turned by anything
+_LEAST_MARGIN = 0.1  # of score over any other place: a round table fits at any heading
 
 
 def search_failed(
@@ -31,10 +31,11 @@ def search_failed(
     config: RegistrationConfig,
     sensors: SensorsConfig,
 ) -> tuple[Laid, Checked, tuple[int, ...]]:
-    """Search for the views whose check failed among those that agree, as long as it helps.
+    """Search a better place for the views whose check failed, as long as this helps.
 
-    What is ``held`` of a view that moves is let go: it led there. Returns what is best, its checks
-    and the indices of the views that were moved.
+    Views that agree serve as the reference. Where a view moves, its ``held`` edges are dropped, as
+    they led to the wrong place. Returns the best solution, its checks, and the indices of the views
+    that were moved.
     """
     found: set[int] = set()
     for _ in range(_ROUNDS):
@@ -74,7 +75,7 @@ def _better_places(
     checked: Checked,
     config: RegistrationConfig,
 ) -> dict[int, Pose2]:
-    """Return where views that failed fit better, each found one helping with the next."""
+    """Return better poses of views that failed; each view found helps to find the next."""
     placed = {
         i: Pose2.from_array(poses[i]).apply(edge.points)
         for i in checked.company

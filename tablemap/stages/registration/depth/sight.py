@@ -1,4 +1,4 @@
-"""What a depth view sees upright, and how far it sees: another view's uprights held against it."""
+"""The upright surfaces and the free space that a depth view saw, compared with another view's."""
 
 from __future__ import annotations
 
@@ -14,23 +14,25 @@ from tablemap.stages.registration.pairs import Cloud
 from tablemap.stages.snapshots import Camera, Snapshot
 
 _POINTS = 300
-_AROUND = 5  # pixels a side: beside an edge in depth, a line of sight says nothing
+_AROUND = 5  # pixels a side: a line of sight beside a depth edge says nothing
 _NEAREST = 0.3
-_MARGIN = 0.2  # metres short of the range: what lies there may have been cut off in the other
-_HIDDEN = 0.15  # metres behind what is seen: the other cannot know
-_THROUGH = 0.2  # metres before what is seen: the other saw through
-_FACING = 0.2  # cosine: a surface that is turned further away is not seen
+_MARGIN = 0.2  # metres: points this near to the range limit may be cut off in the other view
+_HIDDEN = 0.15  # metres: a point this far behind the seen surface is hidden from the other view
+_THROUGH = 0.2  # metres: the other view saw through a point this far before the seen surface
+_FACING = 0.2  # cosine: a surface turned further away is not seen
 _NEAR = 0.10
 _NEIGHBOURS = 4
 _NORMAL_COSINE = 0.9
-_SIGMA = 0.03  # metres off the other's surface, as depth at three metres errs
+_SIGMA = 0.03  # metres off the other view's surface: depth at three metres errs by so much
 
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """A view's uprights: some to ask others about (``points``, ``normals``), ``every`` one to find.
+    """A view's upright points, and the depth that it saw.
 
-    ``nearest`` (height, width) is the least depth about each pixel, 0 where anything is missing.
+    - ``points``, ``normals``: the points that are looked up in other views
+    - ``every``: all upright points, among which other views' points are looked up
+    - ``nearest``: (height, width) metres, the least depth about each pixel, 0 where any is missing
     """
 
     points: Floats
@@ -45,10 +47,12 @@ class Sight:
 
 @dataclass(frozen=True)
 class Sighting:
-    """How many ``points`` two views could both see, how well they fit, and what was seen through.
+    """How well the upright points of two views fit.
 
-    ``score`` in [0, 1] is the mean likelihood of lying on a surface of the other view, with its
-    normal; ``violation`` the share in space that the other saw through.
+    - ``points``: how many points both views could see
+    - ``score``: in [0, 1], the mean likelihood that a point lies on a surface of the other view and
+      has its normal
+    - ``violation``: the share of points in space that the other view saw through
     """
 
     points: int
@@ -57,7 +61,7 @@ class Sighting:
 
 
 def make_sight(snapshot: Snapshot, every: Cloud, *, maximum_range: float) -> Sight:
-    """Return what a view, of which ``every`` upright point is given, can say about others."""
+    """Prepare a view, given ``every`` upright point of it, for comparison with others."""
     some = balanced_cloud(every, _POINTS)
     depth = snapshot.depth
     measured = np.where(np.isfinite(depth) & (depth > 0), depth, np.float32(0))
@@ -74,7 +78,7 @@ def make_sight(snapshot: Snapshot, every: Cloud, *, maximum_range: float) -> Sig
 
 
 def sighting(first: Sight, second: Sight, second_from_first: Pose2) -> Sighting:
-    """Hold two views' uprights against each other, both ways."""
+    """Compare two views' upright points, in both directions."""
     there = _seen_by(second, first, second_from_first)
     back = _seen_by(first, second, second_from_first.inverse())
     points, score, violation = np.add(there, back)
@@ -83,7 +87,7 @@ def sighting(first: Sight, second: Sight, second_from_first: Pose2) -> Sighting:
 
 
 def _seen_by(watcher: Sight, other: Sight, pose: Pose2) -> tuple[float, float, float]:
-    """Return how many of the other's points are in sight, the sum of their scores, violations."""
+    """Return the number of the other's points in sight, and the sums of scores and violations."""
     points = pose.apply(other.points)
     normals = np.column_stack([pose.rotate(other.normals[:, :2]), other.normals[:, 2]])
     camera = watcher.camera

@@ -1,1 +1,1 @@
-"""Registration where the laser sees the stops."""
+"""Registration for recordings with a laser."""

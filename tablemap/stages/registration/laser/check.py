@@ -13,26 +13,26 @@ from tablemap.stages.registration.correlative import likelihood
 from tablemap.stages.registration.result import LaserStatistics, StopCheck, StopScan
 from tablemap.stages.snapshots import is_same_place
 
-# What the limits lie between: right registrations of simulated rooms, people and moved furniture
-# included, and ones that were made wrong on purpose.
+# The limits lie between right registrations of simulated rooms and ones that were made wrong on
+# purpose. Both include people and moved furniture.
 _NEAR = 0.10
 _CONSISTENT = 0.015
 _LEAST_OVERLAP = 0.25
 _LEAST_SCORE = 0.5
 _LEAST_CONSISTENT = 0.6
 _LARGEST_RMS = 0.008
-_NOISE_FACTOR = 1.8  # times the scans' own noise (a stop of one scan is as noisy as the laser)
+_NOISE_FACTOR = 1.8  # times the scans' own noise (a stop with one scan is as noisy as the laser)
 _LARGEST_VIOLATION = 0.5
 _DOUBTFUL_VIOLATION = 0.25
 _DOUBTFUL_SCORE = 0.75
-_THROUGH = 0.2  # a point so much nearer than what was seen in its direction is in free space
+_THROUGH = 0.2  # metres: a point so much nearer than the beam's range is in free space
 _NORMAL_COSINE = 0.9
 
 
 def check_stops(
     stops: Sequence[StopScan | None], poses: Floats, pairs: Sequence[tuple[int, int]]
 ) -> tuple[StopCheck, ...]:
-    """Check each stop against those that it is paired with, all at ``poses`` (n, 3)."""
+    """Compare each stop with the stops that it is paired with, all at ``poses`` (n, 3)."""
     scans = {i: stop for i, stop in enumerate(stops) if stop is not None and len(stop.points)}
     trees = {i: cKDTree(stop.points) for i, stop in scans.items()}
     located = [Pose2.from_array(pose) for pose in poses]
@@ -43,7 +43,7 @@ def check_stops(
             checks.append(StopCheck(i, False, None, ("it has no usable laser scan",)))
             continue
         partners = sorted({a if b == i else b for a, b in pairs if i in (a, b)} & set(scans))
-        # Views that a turning head took from one place agree about any place.
+        # Views that a turning head took from one place would agree even if the place were wrong.
         apart = [j for j in partners if not is_same_place(located[i], located[j])]
         partners = apart or partners
         if not partners:
@@ -72,7 +72,7 @@ def check_stops(
 
 
 def suspicious(checks: Sequence[StopCheck]) -> dict[int, float]:
-    """Return the stops whose place is worth a search, with their scores; some of them passed."""
+    """Return the stops, with their scores, that need a search; some of them passed the check."""
     return {
         check.index: seen.score
         for check in checks
@@ -103,7 +103,7 @@ def _judge(seen: LaserStatistics) -> tuple[str, ...]:
 def _compare(
     source: StopScan, target: StopScan, tree: cKDTree, target_from_source: Pose2
 ) -> tuple[float, float, float, float]:
-    """Return robust RMS in metres, overlap, consistent share and free-space violation of a pair."""
+    """Return a pair's robust RMS in metres, overlap, consistent share and free-space violation."""
     points = target_from_source.apply(source.points)
     normals = target_from_source.rotate(source.normals)
     distance, index = tree.query(points, distance_upper_bound=_NEAR)
@@ -117,7 +117,7 @@ def _compare(
     overlap = float(matched.mean())
     if matched.any():
         rms = mad_sigma(apart)
-        # Of all that is near: a wrong place finds neighbours too, but neither near nor parallel.
+        # At a wrong place points have neighbours too, but these are neither close nor parallel.
         limit = max(_CONSISTENT, 3 * float(np.hypot(source.noise, target.noise)))
         consistent = float((np.abs(apart) < limit).sum() / max(found.sum(), 1))
     else:

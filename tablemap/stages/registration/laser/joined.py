@@ -1,4 +1,4 @@
-"""Depth where the laser leaves a stop open: its view tied to others by what stands upright."""
+"""Depth for stops that the laser leaves open: upright surfaces tie their views to others."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ _LEAST_PARTNERS = 2
 
 
 def open_stops(stops: Sequence[StopScan | None], covariance: Floats) -> list[int]:
-    """Return the stops without a scan, and those that ``covariance`` (3n, 3n) leaves loose.
+    """Return the stops without a scan, and those that are loose by the ``covariance`` (3n, 3n).
 
-    Loose is what a depth pair would bind better: a corridor, a hall with a wall on one side.
+    A stop is loose if a depth pair would bind it better, as in a corridor, or in a hall with a wall
+    on one side.
     """
     loose = []
     for i, stop in enumerate(stops):
@@ -44,7 +45,7 @@ def depth_pairs(
     config: RegistrationConfig,
     record: Record,
 ) -> list[Pair]:
-    """Align the views of the ``wanted`` stops with all that see the same, from ``poses`` (n, 3)."""
+    """Align the views of the ``wanted`` stops with all overlapping views, from ``poses`` (n, 3)."""
     located = pose_list(poses)
     clouds = {
         i: balanced_cloud(cloud, config.depth_points)
@@ -67,7 +68,7 @@ def depth_pairs(
 
 
 def checked_by_depth(check: StopCheck, judged: Sequence[Pair]) -> StopCheck:
-    """Pass a stop without a scan where its depth, after the graph, agrees with two other views."""
+    """Pass a stop without a scan if the graph kept its depth pairs with two other views."""
     mine = [pair for pair in judged if check.index in (pair.source, pair.target)]
     kept = [pair for pair in mine if pair.used]
     statistics = DepthPairStatistics(depth_pairs=len(mine), depth_pairs_used=len(kept))

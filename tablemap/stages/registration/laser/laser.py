@@ -39,14 +39,14 @@ from tablemap.stages.registration.solution import (
 )
 from tablemap.stages.snapshots import Snapshot
 
-_CORRELATED_BEAMS = 8.0  # neighbouring beams hit one surface and err together: they count as one
+_CORRELATED_BEAMS = 8.0  # neighbouring beams on one surface err together: they count as one
 _PAIR_ROBUST = 25.0
-_LEAST_PAIR_SIGMA = (0.003, 0.003, 0.002)  # no pair is believed further than this
+_LEAST_PAIR_SIGMA = (0.003, 0.003, 0.002)  # metres, metres, radians: however well a pair fits
 _SEARCH_ROUNDS = 3
 _BETTER = 0.05  # of score: less is no reason to move a stop
 _LEAST_FOUND_SCORE = 0.55
 _MOVED, _MOVED_TURN = 0.05, np.radians(2.0)
-_TABLE_REACH = 2.5  # metres: how far from the laser what is measured (a table) usually lies
+_TABLE_REACH = 2.5  # metres: the usual distance of the table from the laser
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,10 +67,10 @@ def register_laser(
     sensors: SensorsConfig,
     record: Record,
 ) -> Solution:
-    """Register the stops by their scans from ``initial`` (n, 3); search where that failed.
+    """Register the stops by their scans from ``initial`` (n, 3); search for stops that failed.
 
-    Depth joins where it informs: at stops without a scan, or that the laser and the odometry leave
-    looser than a pair of depth views is.
+    Depth pairs join at stops without a scan, and at stops that laser and odometry bind more
+    loosely than a pair of depth views would.
     """
     edges = odometry_edges(snapshots, odometry)
     anchors = localisation_anchors(snapshots, sensors)
@@ -131,7 +131,7 @@ def _attempt(
 ) -> _Attempt:
     """Align the pairs that are not yet in ``aligned``, solve the graph, polish and check.
 
-    ``edges`` are the odometry's, ``depth`` the pairs of views that join.
+    ``edges`` are the odometry's, and ``depth`` are pairs of depth views that join the graph.
     """
     located = pose_list(start)
     chosen = choose_pairs(stops, start, config)
@@ -205,7 +205,7 @@ def _search_suspicious(
     config: RegistrationConfig,
     tried: set[int],
 ) -> dict[int, Pose2]:
-    """Search for the stops whose check asks for it, among those that passed; return who moves."""
+    """Search a place for the suspicious stops among those that passed; return the new poses."""
     asked = {i: score for i, score in suspicious(attempt.checks).items() if i not in tried}
     if not asked:
         return {}
@@ -215,7 +215,7 @@ def _search_suspicious(
         first = max(asked, key=lambda i: (asked[i], -i))
         placed = {first: Pose2.from_array(attempt.poses[first])}
     moved: dict[int, Pose2] = {}
-    # The worst are searched last: by then the others that were found help.
+    # The worst stops come last: the stops found before then help to find them.
     for i in sorted(asked, key=lambda i: (-asked[i], i)):
         others = [pose.apply(scans[j].points) for j, pose in placed.items() if j != i]
         if not others:

@@ -14,26 +14,27 @@ _LEAST_COSINE = 0.15
 _LEAST_FLATNESS = 0.25
 _JUMP = 0.05
 _LEAST_POINTS = 5
-_LONGER = 5.0  # times the reach
-_LEAST_LONGER = 0.8  # of it, from end to end: less is all that there is
-_STRAIGHT = 2.0  # times the variance across the short piece: where there is more, a line ends
+_LONGER = 5.0  # length of the longer piece, in reaches of the short one
+_LEAST_LONGER = 0.8  # of that length: a piece that is shorter from end to end does not go on
+_STRAIGHT = 2.0  # times the variance across the short piece: a longer piece with more is bent
 
 
 def planar_normals(points: Floats, origin: Floats) -> tuple[Floats, NDArray[np.bool_], float]:
-    """Return (n, 2) unit normals towards ``origin`` of (n, 2) points in beam order, and which hold.
+    """Return the normals of (n, 2) points in beam order, a mask of valid normals, and the noise.
 
-    Third comes the points' noise: metres RMS off their own lines (0.0 where none holds).
+    The normals (n, 2) are unit vectors towards ``origin``. The noise is metres RMS of the points
+    off their own lines, 0.0 if no normal is valid.
 
-    A normal is that of the line through the neighbours within 6 cm (or four beams, where those lie
-    further apart), not across a jump; NaN points are jumps. It holds with at least five neighbours
-    on a line, the incidence not too grazing. Where the line goes on, as a wall does, the normal is
-    that of a longer piece of it: one of a short piece nods with the noise, and nodding normals make
-    it seem that a bare wall held along itself.
+    A line is fitted to the neighbours within 6 cm, or within four beams where the beams lie further
+    apart. It does not cross jumps; NaN points count as jumps. A normal is valid if at least five
+    neighbours lie on the line and the incidence is not too grazing. Where the line goes on, as a
+    wall does, a longer piece of it gives the normal. Normals of short pieces vary with the noise:
+    a bare wall would then seem to bind the pose along itself.
     """
     n = len(points)
     gap = np.full(n, True)
     step = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    # Far off, and along a grazing wall, the beams themselves lie far apart.
+    # At a distance, and along a grazing wall, the beams themselves lie far apart.
     spacing = _beam_spacing(points, origin)
     gap[1:] = ~(step < np.fmax(_JUMP, 4 * spacing[1:]))
     segment = np.cumsum(gap)
@@ -59,7 +60,7 @@ def planar_normals(points: Floats, origin: Floats) -> tuple[Floats, NDArray[np.b
     cosine = np.einsum("ij,ij->i", normals, to_origin)
     normals *= np.where(cosine < 0, -1.0, 1.0)[:, None]
     incidence = np.abs(cosine) / np.maximum(np.linalg.norm(to_origin, axis=1), 1e-9)
-    # The neighbours must span a line, not a blob: chair legs have no normal to speak of.
+    # The neighbours must span a line, not a blob: chair legs have no useful normal.
     trace, root = xx + yy, np.hypot(xx - yy, 2 * xy)
     flat = (trace - root) < _LEAST_FLATNESS * (trace + root)
     holds = (
@@ -80,9 +81,10 @@ def planar_normals(points: Floats, origin: Floats) -> tuple[Floats, NDArray[np.b
 def _lengthened(
     normals: Floats, points: Floats, segment: NDArray[np.int64], reach: Floats, variance: Floats
 ) -> Floats:
-    """Return (n, 2) normals of the pieces ``reach`` either side, the given ones where those bend.
+    """Return the normals (n, 2) of pieces that extend ``reach`` metres to either side.
 
-    ``variance`` (n,), square metres, is that across the short pieces which the given are of.
+    Where such a piece bends, the given normal of the short piece stays. ``variance`` (n,), square
+    metres, is the variance across the short pieces.
     """
     if not len(points):
         return normals
@@ -92,7 +94,7 @@ def _lengthened(
     first = np.maximum(first, np.searchsorted(segment, segment))
     last = np.minimum(last, np.searchsorted(segment, segment, side="right"))
     longer, along, across = fit_windows(points, first, last)
-    # A leg's two faces are no wall: the piece must go on.
+    # The piece must go on: two faces of a leg are no wall.
     goes_on = np.sqrt(12 * along) > _LEAST_LONGER * reach
     straight = goes_on & (last - first >= _LEAST_POINTS) & (across < _STRAIGHT * variance)
     longer *= np.where(np.einsum("ij,ij->i", longer, normals) < 0, -1.0, 1.0)[:, None]
@@ -100,7 +102,7 @@ def _lengthened(
 
 
 def _beam_spacing(points: Floats, origin: Floats) -> Floats:
-    """Return (n,) metres between neighbouring beams at each point's distance, if hit squarely."""
+    """Return (n,) metres between neighbouring beams on a surface that faces them at each point."""
     offset = points - origin
     bearing = np.arctan2(offset[:, 1], offset[:, 0])
     turn = np.abs(wrap_angles(np.diff(bearing)))

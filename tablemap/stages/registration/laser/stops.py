@@ -28,9 +28,9 @@ def stop_scan(
 ) -> StopScan | None:
     """Combine the scans of a snapshot's standing interval, beam by beam, into one in the base.
 
-    Where the base did not stand, the scan nearest in time is de-skewed and moved to the snapshot's
-    stamp by the odometry. ``most_scans`` are combined, without ranges beyond ``maximum_range``
-    (metres). None where there is no scan.
+    If the base did not stand still, the scan nearest in time is de-skewed, and the odometry moves
+    it to the snapshot's stamp. At most ``most_scans`` are combined, and ranges beyond
+    ``maximum_range`` (metres) are left out. Returns None if there is no scan.
     """
     scans = _standing_scans(recording, snapshot, trajectory, most_scans)
     if len(scans) >= 2:
@@ -50,7 +50,7 @@ def stop_scan(
 
 
 def _combined(ranges: Floats) -> Floats:
-    """Return (beams,) metres of (scans, beams), NaN where the scans do not agree."""
+    """Return one range (beams,) in metres for (scans, beams), NaN where the scans disagree."""
     beams = combine_beams(ranges)
     return np.where(beams.seen & beams.agreed, beams.mean, np.nan)
 
