@@ -51,6 +51,12 @@ WARNING_CODES: dict[str, str] = {
     ),
     "surface.inferred_side": "A side was seen only in part, but enough to know where it ends.",
     "segmentation.table_tie": "Several surfaces could be the table; one was chosen.",
+    "recording.calibration": (
+        "Calibrations change, were left out, or differ between topics; it is said which one counts."
+    ),
+    "accuracy.calibration_flawed": (
+        "The camera's distortion cannot be that of a lens; its images were taken as undistorted."
+    ),
     "accuracy.tf_conflict": (
         "Two sources send one transform and disagree; the one that sent most was taken."
     ),

@@ -9,14 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tablemap.config import LimitsConfig
-from tablemap.recording.decoding import TRANSFORMS, Decoder, DecodingError
+from tablemap.recording.calibrations import is_same
+from tablemap.recording.decoding import CALIBRATION, TRANSFORMS, Decoder, DecodingError
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan, Pose
-from tablemap.recording.raw import Source
+from tablemap.recording.raw import RawMessage, Source
 from tablemap.recording.tf.collector import TransformCollector
 from tablemap.recording.topics import Roles, Topic, decoders_of, implied_transforms
 
 Stamps = NDArray[np.int64]
 
+_BEHIND_STAMP = 12  # bytes, of ROS's messages that begin with a header
 _REORDERED = 16  # depth images held back to come out by their stamps
 
 
@@ -47,12 +49,15 @@ class Channels:
         self._limits = limits
         self._decoders: dict[int, Decoder] = {}
         self._topics = [t for t in (roles.depth, roles.colour, *roles.lasers) if t is not None]
+        if roles.calibration is not None and not roles.is_own_calibration:
+            self._topics.append(roles.calibration)
         for topic in (*self._topics, *roles.transforms):
             if topic.count:
                 self._decoders |= self._decoders_of(topic)
         self.collector = TransformCollector(limits)
         self._stamped: dict[str, Stamped] = {}
         self._others: dict[str, list[str]] = {}
+        self.calibrations: list[CameraInfo] = []
         self._survey()
 
     def of(self, topic: Topic | None) -> Stamped:
@@ -101,6 +106,22 @@ class Channels:
         """Say once that a message was left out, and why."""
         self._say("recording.damaged", f"A message on {topic} was left out: it {error}.")
 
+    def _take_calibration(
+        self, decoder: Decoder, raw: RawMessage, latest: dict[int, bytes]
+    ) -> None:
+        """Keep a calibration that is not the one before; most differ in their stamps alone."""
+        rest = bytes(raw.data[_BEHIND_STAMP:]) if decoder.begins_with_header else b""
+        if rest and latest.get(raw.channel_id) == rest:
+            return
+        latest[raw.channel_id] = rest
+        message = decoder.decode(raw)
+        assert isinstance(message, CameraInfo)
+        assert self._roles.calibration is not None
+        if message.frame_id != self._roles.calibration.frame_id:
+            return
+        if not self.calibrations or not is_same(message, self.calibrations[-1]):
+            self.calibrations.append(message)
+
     def _decoders_of(self, topic: Topic) -> dict[int, Decoder]:
         decoders, problem = decoders_of(topic.channels, self._limits)
         if topic.first is None or problem is not None:
@@ -112,6 +133,7 @@ class Channels:
         """Read the recording once for all transforms and for the stamps of images and scans."""
         topic_of = {id: t for t in (*self._topics, *self._roles.transforms) for id in t.ids}
         stamped: dict[str, list[tuple[int, int]]] = {}
+        calibrated: dict[int, bytes] = {}
         for transform in implied_transforms(self._roles):
             self.collector.add(transform)
         for raw in self._source.messages(self._decoders):
@@ -124,6 +146,9 @@ class Channels:
                         self.collector.add(
                             transform, publisher=raw.channel_id, namespace=topic.namespace
                         )
+                    continue
+                if decoder.kind == CALIBRATION:
+                    self._take_calibration(decoder, raw, calibrated)
                     continue
                 stamp_ns, frame_id = decoder.header(raw)
                 if frame_id in topic.recorded_frames:

@@ -138,6 +138,11 @@ class Decoder:
             raise DecodingError(f"cannot be decoded ({_brief(error)})") from error
         return message
 
+    @property
+    def begins_with_header(self) -> bool:
+        """Whether messages are ROS's, with a stamp at their very beginning."""
+        return self._peek is not None
+
     def header(self, raw: RawMessage) -> tuple[int, str]:
         """Return the header's stamp and frame, without decoding the rest where that can be."""
         if self._peek is not None:
@@ -306,7 +311,21 @@ def _calibration(message: Any, log_ns: int) -> CameraInfo:
         _floats(message, "K", (3, 3)),
         _floats(message, "R", (3, 3)),
         _floats(message, "P", (3, 4)),
+        *_window(message),
     )
+
+
+def _window(message: Any) -> tuple[tuple[int, int], tuple[int, int, int, int] | None]:
+    """Return binning and region of interest; zeros stand for one, and for all of the image."""
+    across, down = (int(getattr(message, f"binning_{axis}", 0)) for axis in "xy")
+    binning = max(across, 1), max(down, 1)
+    roi = getattr(message, "roi", None)
+    if roi is None:
+        return binning, None
+    left, top = int(roi.x_offset), int(roi.y_offset)
+    width, height = int(roi.width), int(roi.height)
+    is_all = not (width and height)
+    return binning, None if is_all else (left, top, width, height)
 
 
 def _laser(message: Any, log_ns: int) -> LaserScan:

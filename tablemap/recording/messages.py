@@ -66,7 +66,11 @@ class CompressedImage:
 
 @dataclass(frozen=True, eq=False)
 class CameraInfo:
-    """A camera calibration: K (3, 3), D (n,), R (3, 3), P (3, 4), all float64."""
+    """A camera calibration: K (3, 3), D (n,), R (3, 3), P (3, 4), all float64.
+
+    It is for ``width`` x ``height`` pixels. Of these the image shows the window ``roi`` (left, top,
+    width, height; None: all), each ``binning`` (across, down) pixels made one.
+    """
 
     stamp_ns: int
     frame_id: str
@@ -77,6 +81,8 @@ class CameraInfo:
     k: NDArray[np.float64]
     r: NDArray[np.float64]
     p: NDArray[np.float64]
+    binning: tuple[int, int] = (1, 1)
+    roi: tuple[int, int, int, int] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,14 +14,15 @@ from tablemap.config import LimitsConfig, TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError, damage_named
 from tablemap.geometry import Floats, invert
 from tablemap.inputs import AnyInput, Input
+from tablemap.recording.calibrations import Calibrations, valid_calibrations
 from tablemap.recording.carried import carried_warnings
 from tablemap.recording.channels import Channels, Stamped, Stamps, only
 from tablemap.recording.decoding import DecodingError
 from tablemap.recording.depth import decode_depth
-from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
+from tablemap.recording.messages import CameraInfo, CloudImage, CompressedImage, Image, LaserScan
 from tablemap.recording.pose_topics import read_poses
 from tablemap.recording.raw import Source
-from tablemap.recording.rectification import Rectification, rectification
+from tablemap.recording.rectification import Rectification
 from tablemap.recording.robots import Placed, placed
 from tablemap.recording.silence import is_silent, sweep_that_can_be
 from tablemap.recording.sources import open_source
@@ -88,7 +89,7 @@ class Recording:
         self._depth, self._colour = (
             self._channels.of(topic) for topic in (self.roles.depth, self.roles.colour)
         )
-        self._rectifications: dict[tuple[int, int], Rectification] = {}
+        self._calibrations = self._calibrated()
         self._check_first_depth()
         found = self._place(topics, limits)
         self.tree, self.names, self.roles = found.tree, found.names, found.roles
@@ -118,11 +119,8 @@ class Recording:
         return self._pose_stamps
 
     def camera_info(self) -> CameraInfo:
-        """Return the depth camera's calibration as recorded."""
-        assert self.roles.calibration is not None
-        info = self.roles.calibration.first
-        assert isinstance(info, CameraInfo)
-        return info
+        """Return the depth camera's calibration as recorded, of several the first."""
+        return self._calibrations.infos[0]
 
     # Images and scans.
 
@@ -137,6 +135,7 @@ class Recording:
         placed = self._base_from(self.names.camera, due.stamps_ns)
         order = {int(stamp): place for place, stamp in enumerate(due.stamps_ns)}
         unplaced = 0
+        unfit: list[str] = []
         for message in self._channels.in_order(self.roles.depth, due):
             assert isinstance(message, Image | CompressedImage)
             place = order[message.stamp_ns]
@@ -148,13 +147,22 @@ class Recording:
             except DecodingError as error:
                 self._channels.say_undecoded(topic, error)
                 continue
-            rectified = self._rectification(depth.shape[1], depth.shape[0])
+            try:
+                rectified = self._rectification(message, depth.shape[1], depth.shape[0])
+            except RecordingError as error:
+                unfit.append(str(error))
+                continue
             yield DepthFrame(
                 message.stamp_ns,
                 rectified.apply(depth),
                 rectified.k,
                 message,
                 placed[0][place],
+            )
+        if unfit:
+            self._say_once(
+                "recording.calibration",
+                f"{len(unfit)} of {len(due.stamps_ns)} depth images were left out: {unfit[0]}",
             )
         if unplaced:
             self._say_once(
@@ -302,7 +310,7 @@ class Recording:
             if not np.isfinite(depth).any():
                 empty += 1
                 continue
-            self._rectification(depth.shape[1], depth.shape[0])
+            self._rectification(message, depth.shape[1], depth.shape[0])
             return
         what = f"decoded, and {empty} show nothing" if empty else "decoded"
         raise RecordingError(
@@ -338,13 +346,27 @@ class Recording:
         stamps = [s.stamps_ns for s in (self._depth, self._laser) if len(s.stamps_ns)]
         return min(int(s[0]) for s in stamps), max(int(s[-1]) for s in stamps)
 
-    def _rectification(self, width: int, height: int) -> Rectification:
-        if (width, height) not in self._rectifications:
-            assert self.roles.depth is not None
-            self._rectifications[width, height] = rectification(
-                self.camera_info(), width=width, height=height, topic=self.roles.depth.name
-            )
-        return self._rectifications[width, height]
+    def _calibrated(self) -> Calibrations:
+        """Return the depth camera's calibrations over the drive; what is wrong is said."""
+        assert self.roles.depth is not None
+        assert self.roles.calibration is not None
+        first = self.roles.calibration.first
+        assert isinstance(first, CameraInfo)
+        calibrations, warnings = valid_calibrations(
+            self._channels.calibrations or [first],
+            topic=self.roles.calibration.name,
+            depth=self.roles.depth.name,
+        )
+        for warning in warnings:
+            self._say_once(warning.code, warning.message)
+        return calibrations
+
+    def _rectification(
+        self, message: Image | CompressedImage, width: int, height: int
+    ) -> Rectification:
+        if isinstance(message, CloudImage) and self.roles.is_own_calibration:
+            return Rectification(message.k, None)
+        return self._calibrations.rectification(message.stamp_ns, width, height)
 
     def _say_once(self, code: str, message: str) -> None:
         if message not in self._said:

@@ -13,6 +13,8 @@ from tablemap.geometry import Floats
 from tablemap.recording.messages import CameraInfo
 
 _POLYNOMIAL = ("plumb_bob", "rational_polynomial", "")
+PLAUSIBLE_STRETCH = (0.4, 2.0)
+"""How much farther from the middle a lens may show a point than a pinhole does, in the corners."""
 _FISHEYE = ("equidistant", "kannala_brandt", "kannala_brandt4", "fisheye")
 
 
@@ -48,43 +50,122 @@ def rectification(info: CameraInfo, *, width: int, height: int, topic: str) -> R
     The rule: an image whose topic says ``rect`` is taken as it is, with the matrix of P. Any other
     is a raw one, with the matrix K and the distortion D; where D is zero it is taken as it is, else
     it is resampled to the pinhole of P (of K, where P is empty or belongs to a turned camera).
-    A calibration for another size of the same image is scaled. Raises `RecordingError` where the
+    A calibration for another size of the same image is scaled, one of a window of it is moved.
+    Raises `RecordingError` where the
     calibration cannot be that of a camera.
     """
-    scale = _scale(info, width, height)
+    window = fitting_window(info, width, height)
     rectified = is_rectified(topic)
-    has_projection = info.p[0, 0] > 0 and info.p[1, 1] > 0
-    k = info.p[:, :3] if rectified and has_projection else info.k
-    _check(k, width / scale, height / scale)
+    k = used_matrix(info, rectified=rectified)
+    _check(k, *window.size)
     if rectified or not np.any(np.nan_to_num(info.d)):
-        return Rectification(_scaled(k, scale), None)
-    if has_projection and np.allclose(info.r, np.eye(3), atol=1e-6):
+        return Rectification(window.seen(k), None)
+    if _has_projection(info) and np.allclose(info.r, np.eye(3), atol=1e-6):
         target = info.p[:, :3]
-        _check(target, width / scale, height / scale)
+        _check(target, *window.size)
     else:
         target = info.k
-    source = _source_pixels(info, _scaled(info.k, scale), _scaled(target, scale), width, height)
-    return Rectification(_scaled(target, scale), source)
+    source = _source_pixels(info, window.seen(info.k), window.seen(target), width, height)
+    return Rectification(window.seen(target), source)
 
 
-def _scale(info: CameraInfo, width: int, height: int) -> float:
-    if info.width <= 0 or info.height <= 0:
-        return 1.0  # the size was left out
-    across, down = width / info.width, height / info.height
-    if abs(across - down) > 0.01 * max(across, down):
-        raise RecordingError(
-            f"The depth image has {width} x {height} pixels, its calibration is for {info.width} x "
-            f"{info.height}, which is no enlargement of it; choose the depth camera's own "
-            "calibration with --set topics.calibration=TOPIC."
-        )
-    return across
+def used_matrix(info: CameraInfo, *, rectified: bool) -> Floats:
+    """Return the camera matrix (3, 3) of images: P's of rectified ones, else K."""
+    return info.p[:, :3] if rectified and _has_projection(info) else info.k
 
 
-def _scaled(k: Floats, scale: float) -> Floats:
-    scaled = np.array(k, dtype=np.float64)
-    scaled[:2] *= scale
-    scaled[:2, 2] += 0.5 * (scale - 1)  # pixel centres lie at whole numbers
-    return scaled
+def flaw(info: CameraInfo, *, rectified: bool) -> str | None:
+    """Return why this is no camera's calibration, as the end of a sentence, or None where it is.
+
+    Distortion coefficients are none of a lens where the image that they make folds over itself, or
+    is stretched beyond `PLAUSIBLE_STRETCH`; of ``rectified`` images they do not matter.
+    """
+    k = used_matrix(info, rectified=rectified)
+    if not np.all(np.isfinite(k)) or k[0, 0] <= 0 or k[1, 1] <= 0:
+        return f"has the focal lengths {k[0, 0]:g} and {k[1, 1]:g} pixels"
+    model = info.distortion_model.lower()
+    if rectified or not np.any(np.nan_to_num(info.d)) or model not in (*_POLYNOMIAL, *_FISHEYE):
+        return None
+    width, height = info.width or 2 * k[0, 2], info.height or 2 * k[1, 2]
+    share = np.linspace(0.02, 1.0, 50)
+    corners = np.array([(0, 0), (width, 0), (0, height), (width, height)], dtype=np.float64)
+    x = share[:, None] * (corners[:, 0] - info.k[0, 2]) / info.k[0, 0]
+    y = share[:, None] * (corners[:, 1] - info.k[1, 2]) / info.k[1, 1]
+    with np.errstate(all="ignore"):
+        bent = np.hypot(*_distorted(x, y, info.d, model))
+        stretch = bent / np.hypot(x, y)
+    steady = np.all(np.diff(bent, axis=0) > 0)
+    low, high = PLAUSIBLE_STRETCH
+    if steady and np.all((stretch > low) & (stretch < high)):
+        return None
+    shown = ", ".join(f"{value:.4g}" for value in info.d[:8])
+    return f"has distortion coefficients that no lens has (D = {shown})"
+
+
+def _has_projection(info: CameraInfo) -> bool:
+    return bool(info.p[0, 0] > 0 and info.p[1, 1] > 0)
+
+
+@dataclass(frozen=True)
+class Window:
+    """Which pixels of a calibrated image of a ``size`` another one shows: a part of it, scaled."""
+
+    size: tuple[int, int]
+    left: float = 0.0
+    top: float = 0.0
+    across: float = 1.0
+    down: float = 1.0
+
+    def seen(self, k: Floats) -> Floats:
+        """Return a camera matrix (3, 3) as it is for the window."""
+        seen = np.array(k, dtype=np.float64)
+        seen[:2, 2] -= self.left, self.top
+        seen[0] *= self.across
+        seen[1] *= self.down
+        # Pixel centres lie at whole numbers.
+        seen[:2, 2] += 0.5 * (self.across - 1), 0.5 * (self.down - 1)
+        return seen
+
+
+def fitting_window(info: CameraInfo, width: int, height: int) -> Window:
+    """Return which part of the calibrated image an image of ``width`` x ``height`` pixels shows.
+
+    The region of interest and the binning are heeded where the image has their size, as
+    sensor_msgs/CameraInfo has it. Drivers leave them standing beside an image of all pixels, or
+    state the size of the window in place of the sensor's: of what fits, that with the principal
+    point nearest to the middle is taken. Raises `RecordingError` where nothing fits.
+    """
+    size = (info.width, info.height)
+    if min(size) <= 0:
+        return Window((width, height))  # the size was left out
+    regions = [(0, 0, *size)] if info.roi is None else [info.roi, (0, 0, *size)]
+    exact = [
+        Window(size, float(left), float(top), 1 / across, 1 / down)
+        for left, top, wide, high in regions
+        for across, down in dict.fromkeys(((1, 1), info.binning))
+        if abs(wide / across - width) < 1 and abs(high / down - height) < 1
+    ]
+    if info.binning != (1, 1) and (width, height) == size:
+        by_x, by_y = info.binning
+        sensor = (width * by_x, height * by_y)
+        exact.append(Window(sensor, 0.0, 0.0, 1 / by_x, 1 / by_y))
+    if exact:
+        return min(exact, key=lambda window: _off_centre(window.seen(info.k), width, height))
+    for region in regions:
+        scale, other = width / region[2], height / region[3]
+        if abs(scale - other) <= 0.01 * max(scale, other):
+            return Window(size, float(region[0]), float(region[1]), scale, scale)
+    shown = f", of which it shows {info.roi[2]} x {info.roi[3]}" if info.roi is not None else ""
+    raise RecordingError(
+        f"The depth image has {width} x {height} pixels, its calibration is for {info.width} x "
+        f"{info.height}{shown}, which is no enlargement of it; choose the depth camera's own "
+        "calibration with --set topics.calibration=TOPIC."
+    )
+
+
+def _off_centre(k: Floats, width: int, height: int) -> float:
+    """Return how far the principal point is from the middle, as a share of the image."""
+    return float(np.hypot(k[0, 2] / width - 0.5, k[1, 2] / height - 0.5))
 
 
 def _check(k: Floats, width: float, height: float) -> None:

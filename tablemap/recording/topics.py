@@ -35,6 +35,7 @@ from tablemap.recording.messages import (
     TransformStamped,
 )
 from tablemap.recording.raw import Channel, Source
+from tablemap.recording.rectification import flaw
 
 _NO_DEPTH = {
     *("confidence", "ir", "infra", "infra1", "infra2", "infrared", "disparity", "thermal"),
@@ -50,6 +51,7 @@ _NO_POSE = {
     *("goal", "goals", "target", "initialpose", "initial", "waypoint", "clicked", "cmd", "command"),
     *("desired", "setpoint", "plan", "path", "grasp", "marker", "object", "detection"),
 }
+_FLAWED = 100  # calibrations that are looked at for one that is none of zeros
 _TRANSPORTS = ("compressedDepth", "compressed", "rvl", "theora", "zstd")
 _COLOURS = ("rgb", "bgr", "mono8", "8uc3", "8uc4", "bayer", "yuv", "uyvy", "yuyv", "nv12", "nv21")
 
@@ -132,6 +134,11 @@ class Roles:
     lasers: tuple[Topic, ...] = ()
     poses: tuple[Topic, ...] = ()
 
+    @property
+    def is_own_calibration(self) -> bool:
+        """Whether the depth is of a cloud, whose rays are its calibration."""
+        return bool(self.depth and self.calibration and self.depth.ids & self.calibration.ids)
+
 
 def list_topics(source: Source, limits: LimitsConfig) -> list[Topic]:
     """Return the topics that processing knows, each with its first message."""
@@ -164,13 +171,21 @@ def _first_message(
     decoders, problem = decoders_of(channels, limits)
     if not any(source.counts[channel.id] for channel in channels):
         return None, "has no messages"
+    first: Message | None = None
     for tried, raw in enumerate(source.messages(decoders)):
         try:
-            return decoders[raw.channel_id].decode(raw), None
+            message = decoders[raw.channel_id].decode(raw)
         except DecodingError as error:
             problem = str(error)
-        if tried >= 10:
+        else:
+            first = first or message
+            # Drivers publish zeros until they know better.
+            if not isinstance(message, CameraInfo) or flaw(message, rectified=False) is None:
+                return message, None
+        if tried >= (10 if first is None else _FLAWED):
             break
+    if first is not None:
+        return first, None
     return None, problem or "has no message that could be read"
 
 

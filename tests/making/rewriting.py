@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 from tablemap.geometry import Pose2
 from tablemap.simulation import Scenario, simulate, write
 from tablemap.simulation.scenario import Camera, Legs, Robot, Table
-from tests.making.messages import ROS1, ROS2
+from tests.making.messages import ROS1, ROS2, png
 
 Dialect = Literal["ros1", "ros2", "foxglove"]
 DIALECTS: tuple[Dialect, ...] = ("ros1", "ros2", "foxglove")
@@ -163,7 +163,10 @@ def depth_of(entry: Entry) -> np.ndarray[Any, np.dtype[np.uint16]]:
 
 
 def with_depth(entry: Entry, values: np.ndarray[Any, Any], *, encoding: str = "16UC1") -> Entry:
-    """Return a depth image with other values, as a raw image on the topic without a transport."""
+    """Return a depth image with other values: encoded as it was, or raw on the topic beside."""
+    if entry.type == "CompressedImage" and encoding == "16UC1":
+        data = np.frombuffer(bytes(12) + png(values.astype(np.uint16)), np.uint8)
+        return edit(entry, data=data)
     message = ROS2.types["sensor_msgs/msg/Image"](
         header=entry.message.header,
         height=values.shape[0],

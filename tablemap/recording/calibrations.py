@@ -1,0 +1,164 @@
+"""A depth camera's calibration over the drive: which one was valid for which image."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tablemap.errors import ProcessWarning, RecordingError
+from tablemap.geometry import Floats
+from tablemap.recording.messages import CameraInfo
+from tablemap.recording.rectification import (
+    Rectification,
+    flaw,
+    is_rectified,
+    rectification,
+    used_matrix,
+)
+
+SAME_SHARE = 0.005
+"""Focal lengths, and principal points as a share of the image, that differ by less are the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class Calibrations:
+    """The calibrations that differ, each valid from its stamp until that of the next.
+
+    ``topic`` is where they were published, ``depth`` the topic of the images that they are for.
+    """
+
+    topic: str
+    depth: str
+    infos: tuple[CameraInfo, ...]
+    _known: dict[tuple[int, int, int], Rectification | None] = field(default_factory=dict)
+
+    def at(self, stamp_ns: int) -> CameraInfo:
+        """Return the calibration that was valid at a stamp."""
+        return self.infos[self._index(stamp_ns)]
+
+    def rectification(self, stamp_ns: int, width: int, height: int) -> Rectification:
+        """Return how an image of a size becomes a pinhole's, by what was valid at its stamp.
+
+        Where that is for another size, the nearest in time that fits is taken: image and
+        calibration do not always change at once. Raises `RecordingError` where none fits.
+        """
+        valid = self._index(stamp_ns)
+        nearest = sorted(range(len(self.infos)), key=lambda i: (abs(i - valid), i))
+        for index in nearest:
+            found = self._fitting(index, width, height)
+            if found is not None:
+                return found
+        return rectification(self.infos[valid], width=width, height=height, topic=self.depth)
+
+    def _index(self, stamp_ns: int) -> int:
+        stamps = [info.stamp_ns for info in self.infos]
+        return max(int(np.searchsorted(stamps, stamp_ns, side="right")) - 1, 0)
+
+    def _fitting(self, index: int, width: int, height: int) -> Rectification | None:
+        key = (index, width, height)
+        if key not in self._known:
+            try:
+                self._known[key] = rectification(
+                    self.infos[index], width=width, height=height, topic=self.depth
+                )
+            except RecordingError:
+                self._known[key] = None
+        return self._known[key]
+
+
+def valid_calibrations(
+    infos: Sequence[CameraInfo], *, topic: str, depth: str
+) -> tuple[Calibrations, list[ProcessWarning]]:
+    """Return what is a calibration of all that was published, in time order, and say what is not.
+
+    Drivers publish zeros until they know better. Where all that is wrong is the distortion, the
+    images are taken as undistorted, which costs the verdict.
+    """
+    rectified = is_rectified(depth)
+    ordered = sorted(infos, key=lambda info: info.stamp_ns)
+    flaws = [flaw(info, rectified=rectified) for info in ordered]
+    sound = [info for info, what in zip(ordered, flaws, strict=True) if what is None]
+    said: list[ProcessWarning] = []
+    if not sound:
+        straight = [replace(info, d=np.zeros(0)) for info in ordered]
+        sound = [info for info in straight if flaw(info, rectified=rectified) is None]
+        if not sound:
+            return Calibrations(topic, depth, tuple(ordered)), []  # the first image says why
+        message = f"The calibration on {topic} {flaws[0]}; the images were taken as undistorted."
+        said.append(ProcessWarning("accuracy.calibration_flawed", "recording", message))
+    elif len(sound) < len(ordered):
+        first = next(what for what in flaws if what is not None)
+        message = (
+            f"{len(ordered) - len(sound)} of {len(ordered)} different calibrations on {topic} were "
+            f"left out, the first of which {first}."
+        )
+        said.append(ProcessWarning("recording.calibration", "recording", message))
+    sound = [info for i, info in enumerate(sound) if i == 0 or not is_same(info, sound[i - 1])]
+    if len(sound) > 1:
+        message = (
+            f"The calibration on {topic} changes {len(sound) - 1} times during the drive; each "
+            "image is taken with the one that was valid for it."
+        )
+        said.append(ProcessWarning("recording.calibration", "recording", message))
+    return Calibrations(topic, depth, tuple(sound)), said
+
+
+def is_same(first: CameraInfo, second: CameraInfo) -> bool:
+    """Tell whether two calibrations are equal but for their stamps."""
+    return (first.width, first.height, first.binning, first.roi, first.distortion_model) == (
+        second.width,
+        second.height,
+        second.binning,
+        second.roi,
+        second.distortion_model,
+    ) and all(
+        np.array_equal(getattr(first, name), getattr(second, name), equal_nan=True)
+        for name in ("k", "d", "r", "p")
+    )
+
+
+def apart(first: Floats, second: Floats, width: int, height: int) -> float:
+    """Return how far two pinholes (3, 3) of one image differ, as a share of it.
+
+    That is the larger of the differences of the focal lengths, and of the principal points.
+    """
+    focal = np.abs(np.array([second[0, 0] / first[0, 0], second[1, 1] / first[1, 1]]) - 1)
+    middle = np.abs(second[:2, 2] - first[:2, 2]) / (width, height)
+    return float(max(focal.max(), middle.max()))
+
+
+def dissenting(
+    used: Calibrations, others: Sequence[tuple[str, CameraInfo]], *, width: int, height: int
+) -> list[tuple[str, CameraInfo]]:
+    """Return what else calibrates the same image, and differs: by name.
+
+    ``others`` are what other topics state of the same frame; of one calibration K and P may
+    disagree, though nothing is distorted.
+    """
+    rectified = is_rectified(used.depth)
+    info = used.infos[0]
+    own = used.rectification(info.stamp_ns, width, height).k
+    found = []
+    undistorted = not np.any(np.nan_to_num(info.d)) and np.allclose(info.r, np.eye(3), atol=1e-6)
+    if undistorted and info.p[0, 0] > 0 and info.p[1, 1] > 0:
+        letter, matrix = ("K", info.k) if rectified else ("P", info.p[:, :3])
+        other_one = replace(info, k=matrix, p=np.column_stack([matrix, np.zeros(3)]))
+        others = [(f"{letter} of {used.topic}", other_one), *others]
+    for name, other in others:
+        try:
+            if flaw(other, rectified=rectified) is not None:
+                continue
+            theirs = rectification(other, width=width, height=height, topic=used.depth).k
+        except RecordingError:
+            continue
+        if apart(own, theirs, width, height) > SAME_SHARE:
+            found.append((name, other))
+    return found
+
+
+def stated(info: CameraInfo, *, depth: str) -> str:
+    """Say what a calibration states of the images on a topic."""
+    k = used_matrix(info, rectified=is_rectified(depth))
+    return f"f {k[0, 0]:.1f}, {k[1, 1]:.1f}, c {k[0, 2]:.1f}, {k[1, 2]:.1f}"
