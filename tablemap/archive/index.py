@@ -77,11 +77,6 @@ def list_runs(folder: AnyPath = "runs", *, index: AnyPath | None = None) -> list
     return [rows[path][1] for path in sorted(rows)]
 
 
-def scan_runs(folder: Path) -> list[RunRow]:
-    """Return the same as `list_runs` without any index: every run is read."""
-    return [read_row(folder, path) for path, _ in sorted(_runs(folder))]
-
-
 def read_row(folder: Path, path: str) -> RunRow:
     """Read one run. What cannot be read is said in its row."""
     recording, run = path.split("/")

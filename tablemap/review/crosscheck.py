@@ -39,6 +39,7 @@ def summary(result: CrossCheck) -> str:
                 for name, by in (("edges", result.by_edges), ("legs", result.by_legs))
                 if by is not None
             ],
+            *_range_scale(result),
             *(
                 ["The camera was moved by this, and the top fitted again."]
                 if result.is_found
@@ -47,3 +48,13 @@ def summary(result: CrossCheck) -> str:
             *[warning.message for warning in result.warnings],
         ]
     )
+
+
+def _range_scale(result: CrossCheck) -> list[str]:
+    if result.range_scale is None or result.range_scale_sigma is None:
+        return []
+    longer = "long" if result.range_scale > 0 else "short"
+    return [
+        f"The laser's ranges are {1e3 * abs(result.range_scale):.2f} permil (sigma "
+        f"{1e3 * result.range_scale_sigma:.2f}) too {longer} against the camera's."
+    ]

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from tablemap.archive.index import INDEX, list_runs, scan_runs
+from tablemap.archive.index import INDEX, list_runs
 from tablemap.archive.selection import Selection
 from tablemap.errors import ConfigError, TablemapError
 from tests.making.models import rectangle_model
-from tests.making.run_folders import make_run
+from tests.making.run_folders import make_run, read_runs
 
 
 @pytest.fixture
@@ -38,7 +38,7 @@ def test_a_row_holds_the_run_s_figures(runs: Path) -> None:
 
 def test_the_index_says_what_the_folders_say(runs: Path) -> None:
     """Made by the first listing, used by the second."""
-    truth = scan_runs(runs)
+    truth = read_runs(runs)
     assert not (runs / INDEX).exists()
     assert list_runs(runs) == truth
     assert (runs / INDEX).is_file()
@@ -62,7 +62,7 @@ def test_what_changed_is_read_again(runs: Path) -> None:
     rows = {row.path: row for row in list_runs(runs)}
     assert set(rows) == {"hall/d", "office/b", "office/c"}
     assert rows["office/b"].figures["height"] == 0.9
-    assert list(rows.values()) == scan_runs(runs)
+    assert list(rows.values()) == read_runs(runs)
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,7 @@ def test_what_changed_is_read_again(runs: Path) -> None:
 def test_a_damaged_index_is_built_again(runs: Path, text: str) -> None:
     """It is never the truth."""
     (runs / INDEX).write_text(text)
-    assert list_runs(runs) == scan_runs(runs)
+    assert list_runs(runs) == read_runs(runs)
     assert json.loads((runs / INDEX).read_text())["schema"] == "tablemap/index/2"
 
 

@@ -6,9 +6,17 @@ from pathlib import Path
 
 from tablemap.archive import Manifest, RunFolder
 from tablemap.archive.folder import RecordingEntry, Status, versions
+from tablemap.archive.index import RunRow, read_row
 from tablemap.config import Config, dump_config
 from tablemap.model import TableModel
 from tablemap.recording import sha256
+
+
+def read_runs(folder: Path) -> list[RunRow]:
+    """Return the rows of all runs without any index: every run is read."""
+    manifests = folder.glob("*/*/manifest.json")
+    paths = sorted(file.parent.relative_to(folder).as_posix() for file in manifests)
+    return [read_row(folder, path) for path in paths if not path.endswith("/latest")]
 
 
 def make_run(

@@ -24,9 +24,11 @@ _FREEDOM = 0.05  # metres: the outline is nearly free
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """The asked unknowns (4,) with their ``covariance`` (4, 4), the assumed spread included.
+    """What the comparisons say of camera and laser.
 
-    ``scale`` is negative where the laser's ranges are too long: it is what mends them.
+    - ``asked``: (4,) metres forward and left, radians of yaw, and the factor less one that mends
+      the laser's ranges: it is negative where they are too long
+    - ``covariance``: (4, 4), the priors included
     """
 
     asked: Floats

@@ -25,12 +25,19 @@ MARGIN_PX = 28
 class Occupancy:
     """A window of one view, cut round its top; all images are (rows, columns) of the window.
 
-    ``height`` is metres above the top's plane (NaN: no depth), ``fall`` the height that a ray loses
-    per metre of depth (negative), ``tau`` the tolerance within which a pixel passes for top.
-    ``bridged`` are the pixels of sensor shadows, counted as below. ``share`` is the smoothed share
-    of top among what is known to be top or below, NaN where too little is known; ``gradient`` (2,
-    rows, columns) that of the smoothed top. ``border`` (left, top, right, bottom) are the window
-    coordinates of the outermost pixels with depth; ``origin`` is the window's (row, column).
+    - ``origin``: the window's row and column in the image
+    - ``depth``: metres, NaN where nothing was measured
+    - ``height``: metres above the top's plane, NaN without depth
+    - ``fall``: the height that a ray loses per metre of depth, negative
+    - ``tau``: metres, the tolerance within which a pixel passes for top
+    - ``top``, ``below``, ``front``, ``missing``: what each pixel shows: the top, what is lower,
+      what is higher, nothing
+    - ``bridged``: pixels of sensor shadows, counted as below
+    - ``share``: smoothed share of top among what is known to be top or below, NaN where too little
+      is known
+    - ``smooth_top``: the smoothed top
+    - ``border``: left, top, right and bottom window coordinates of the outermost pixels with depth
+    - ``normal``, ``offset``: the top's plane in the camera, as `ViewPlane.in_camera` gives it
     """
 
     origin: tuple[int, int]
