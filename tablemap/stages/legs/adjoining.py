@@ -1,8 +1,8 @@
-"""Two pieces of furniture that touch at one height, told apart by what each of them stands on.
+"""Two pieces of furniture that touch at one height, told apart by their legs.
 
-No depth camera sees a gap of millimetres: the outline then is that of both. A table with a stool
-pushed against it has legs under each part, in the middle of which these stand; the arm of an
-L-shaped desk has not.
+No depth camera sees a gap of millimetres: the outline is then that of both pieces. A table and a
+stool pushed against it each stand on their own legs, placed evenly about their own middle. The arm
+of an L-shaped desk has no such legs.
 """
 
 from __future__ import annotations
@@ -23,20 +23,21 @@ from tablemap.stages.outline import Outline, ViewEdges
 from tablemap.stages.surface import Surface
 from tablemap.stages.surface.shapes.shape import extents
 
-_STRAIGHT = 0.01  # metres: what bends the outline by less makes no corner
-_SLIVER = 0.03  # metres: a piece that is nowhere wider is none
+_STRAIGHT = 0.01  # metres: a smaller bend of the outline makes no corner
+_SLIVER = 0.03  # metres: a narrower piece does not count
 _SAW = 1e-4  # metres: half the width of a cut
 _FEWEST = 4  # legs of two pieces, of which one may be a pedestal's
-_CLOSE = 0.04  # metres: what is farther off is not part of it
-_SEAT = 0.6  # metres: what is no longer than this is a seat, and no part of a table's top
+_CLOSE = 0.04  # metres: points farther from a piece are not part of it
+_SEAT = 0.6  # metres: a piece no longer than this is a seat, and no part of a table's top
 
 
 @dataclass(frozen=True, eq=False)
 class Adjoining:
-    """A surface that touches the table at its height: both outlines (n, 2) in the map.
+    """A surface that touches the table at its height.
 
-    ``own`` is the table's part of what had been taken for one top, ``beside`` the rest, and
-    ``legs`` are how many carry that.
+    - ``own``: (n, 2) metres in the map, outline of the table's part of the supposed single top
+    - ``beside``: (n, 2) metres in the map, outline of the rest
+    - ``legs``: how many legs carry the rest
     """
 
     own: Floats
@@ -45,12 +46,12 @@ class Adjoining:
 
     @property
     def is_seat(self) -> bool:
-        """Whether what stands beside is as small as a seat."""
+        """Whether the surface beside the table is as small as a seat."""
         return extents(self.beside)[0] <= _SEAT
 
     @property
     def warning(self) -> ProcessWarning:
-        """What was taken off, where, and why."""
+        """The warning that says what was cut off, where, and why."""
         x, y = np.asarray(Polygon(self.beside).centroid.coords[0])
         length, width = extents(self.beside)
         on = "a leg in its middle" if self.legs == 1 else f"{self.legs} legs of its own"
@@ -65,10 +66,10 @@ class Adjoining:
 def find_adjoining(
     surface: Surface, legs: Legs, *, near: tuple[float, float] | None = None
 ) -> Adjoining | None:
-    """Cut the outline in two where each part stands on its own legs; None where it does not.
+    """Cut the outline in two so that each part stands on its own legs; None if no cut does this.
 
-    Cuts begin at corners that point inwards; measured legs count (`legs.is_standing`). The table is
-    the part at ``near``, else the larger.
+    Cuts begin at corners that point inwards. Only measured legs count (`legs.is_standing`). The
+    table is the part at ``near``; without ``near`` it is the larger part.
     """
     outline = shapely.simplify(simple_polygon(surface.outline), _STRAIGHT)
     places = np.array([(leg.x, leg.y) for leg in legs.legs if leg.status == "measured"])
@@ -90,7 +91,7 @@ def find_adjoining(
 def _cuts(outline: Polygon) -> list[tuple[Polygon, Polygon]]:
     """Cut an outline in two from each inward corner; the shortest cut first, the larger part first.
 
-    A cut prolongs a side as far as the outline, or joins two such corners.
+    A cut extends a side until it meets the outline, or joins two inward corners.
     """
     corners = _ring(outline)
     onto, off = corners - np.roll(corners, 1, 0), np.roll(corners, -1, 0) - corners
@@ -122,7 +123,7 @@ def _hit(outline: Polygon, corner: Floats, ahead: Floats) -> Floats | None:
 
 
 def without(outline: Outline, adjoining: Adjoining, poses: Sequence[Pose2]) -> Outline:
-    """Return the outline less the edges and the votes of what stands beside the table, and say so.
+    """Return the outline without the edges and votes of the surface beside it, and add a warning.
 
     ``poses`` (map from base) place the views, by snapshot index.
     """
@@ -130,7 +131,7 @@ def without(outline: Outline, adjoining: Adjoining, poses: Sequence[Pose2]) -> O
 
     def is_own(in_base: Floats, view: ViewEdges) -> np.ndarray:
         places = shapely.points(poses[view.index].apply(in_base))
-        # Stray points, far from either, are not its.
+        # Stray points, far from both parts, do not belong to the part beside.
         other = shapely.distance(places, beside)
         kept: np.ndarray = (shapely.distance(places, own) <= other) | (other > _CLOSE)
         return kept

@@ -1,4 +1,4 @@
-"""Each cluster with what speaks for and against it, and the verdict on all of them."""
+"""Each cluster with the evidence for and against it, and the decision on all of them."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ from tablemap.stages.snapshots import Snapshot
 
 UNDER_ANOTHER = "stands under the surface that touches the table"
 
-_OWN_TANGENTS = 120  # of a candidate's first fit, which only has to find its place and shape
+_OWN_TANGENTS = 120  # in a candidate's first fit, which only has to find its place and shape
 _LEAST_TANGENTS = 4
 _APART = 0.05  # metres, or its size: a fit that ends farther from its cluster found something else
-_JUST_BELOW = 0.06  # metres under the top's height that the depth camera need not see
-_UPPER_PART = 0.6  # of the top's height: what is lower tells no leg from clutter
-_ROUGHNESS, _ROUGHNESS_SHARE = 0.02, 0.1  # metres, and of its size, that a leg's outline scatters
+_JUST_BELOW = 0.06  # metres: the depth camera need not see this part just under the top
+_UPPER_PART = 0.6  # of the top's height: below it, legs and clutter look alike
+_ROUGHNESS, _ROUGHNESS_SHARE = 0.02, 0.1  # metres, share of its size: scatter of a leg's outline
 
-# What speaks for a leg and against one, in one unit. One that the depth camera saw reach the top is
-# a leg unless it looks like a chair's; without that look, its place must speak for it.
+# The evidence for and against a leg, in one unit. A candidate that the depth camera saw reach the
+# top is a leg unless it stands like a chair's. Without such a look, its place must speak for it.
 _REACHES_TOP = 3.0  # the depth camera followed it up to the top
-_REACHES_BESIDE = 1.0  # the same beyond the top, where a chair's back stands up as high
-_OF_COMPLETE_SET = 2.0  # its partners stand where the top's symmetry puts them
-_OF_PARTIAL_SET = 1.0  # some of its partners do, or they make up a second set
-_IN_THE_MIDDLE = 3.0  # where a pedestal stands, and clutter hardly does
-_NEAR_A_CORNER = 1.0  # where legs stand, and people and bags do too
-_OF_A_CHAIR = -2.5  # stands with others as a chair's legs do
-_BEYOND_THE_TOP = -1.5  # feet may stand there, and so does all that is beside the table
-_BESIDE_A_SET = -1.0  # the table has a complete set, and this is not of it
+_REACHES_BESIDE = 1.0  # the same beyond the top, where the back of a chair reaches as high
+_OF_COMPLETE_SET = 2.0  # all its partners stand where the top's symmetry puts them
+_OF_PARTIAL_SET = 1.0  # only some partners stand there, or they make up a second set
+_IN_THE_MIDDLE = 3.0  # pedestals stand there, and clutter rarely does
+_NEAR_A_CORNER = 1.0  # legs stand there, but people and bags do too
+_OF_A_CHAIR = -2.5  # it and others stand like the legs of a chair
+_BEYOND_THE_TOP = -1.5  # feet may stand there, but so do all things beside the table
+_BESIDE_A_SET = -1.0  # the table has a complete set, and the candidate is not part of it
 _LEAST_FOR_A_LEG = 1.0
 
 
@@ -133,7 +133,7 @@ def _judged(
     size = found.size
     stayed = persistence(scans, place, 0.5 * size) if cluster.slender else Persistence(stops, 0, 0)
     highest = frame.surface.height.value - _JUST_BELOW
-    # No seat goes under a top as low as one: there all that stands up to it may carry it.
+    # No seat fits under a top as low as a seat: anything that reaches such a top may carry it.
     seat = config.seat_height if highest > config.seat_height else 0.0
     lowest = max(seat, _UPPER_PART * frame.surface.height.value)
     looked = reach(snapshots, poses, place, 0.5 * size, lowest, highest)
@@ -147,7 +147,7 @@ def _own_fits(
     frame: Frame,
     sensors: SensorsConfig,
 ) -> dict[ShapeRecord, Fit]:
-    """Fit the cluster by itself: poses are held, and what they may be off goes into the sigmas."""
+    """Fit the cluster by itself: the poses are fixed, and their errors go into the sigmas."""
     few = thinned(evidence, _OWN_TANGENTS)
     alone = replace(
         few,
@@ -168,7 +168,7 @@ def _own_fits(
 
 
 def _objection(found: Candidate, frame: Frame, config: LegsConfig) -> str | None:
-    """Return what alone rules a candidate out."""
+    """Return the reason that by itself rules a candidate out, None if there is none."""
     stayed, size = found.stayed, found.size
     seen = stayed.hit + stayed.passed
     if seen and stayed.share < config.persistence:
@@ -195,14 +195,14 @@ def _objection(found: Candidate, frame: Frame, config: LegsConfig) -> str | None
 
 
 def judge(candidates: list[Candidate], frame: Frame) -> list[Candidate]:
-    """Weigh layout and depth over all candidates, and give those that are no legs a reason."""
+    """Weigh the layout and depth of all candidates, and give a reason to each that is no leg."""
     candidates = _without_fragments(candidates)
     alive = [i for i, candidate in enumerate(candidates) if candidate.reason is None]
     places = np.array([candidate.place for candidate in candidates]).reshape(-1, 2)
     slender = [i for i in alive if candidates[i].cluster.slender]
     wide = [i for i in alive if not candidates[i].cluster.slender]
     complete, partial, own = table_sets(frame, places, slender, wide)
-    # Legs of what touches the table make no chair together with the table's.
+    # Legs of a surface that touches the table form no chair together with the table's legs.
     free = [
         i
         for i, candidate in enumerate(candidates)
@@ -230,7 +230,7 @@ def judge(candidates: list[Candidate], frame: Frame) -> list[Candidate]:
 
 @dataclass(frozen=True)
 class _Signs:
-    """What tells a leg from clutter beside its own silhouettes: its place, and the depth camera."""
+    """Signs that tell a leg from clutter: its place, and the looks of the depth camera."""
 
     reaches_top: bool
     in_complete_set: bool
@@ -242,7 +242,7 @@ class _Signs:
     table_has_set: bool
 
     def score(self) -> float:
-        """Return what speaks for a leg, less what speaks against it."""
+        """Return the evidence for a leg minus the evidence against it."""
         score = 0.0
         if self.reaches_top:
             score += _REACHES_BESIDE if self.is_beyond else _REACHES_TOP
@@ -274,7 +274,7 @@ class _Signs:
 
 
 def _without_fragments(candidates: list[Candidate]) -> list[Candidate]:
-    """Set aside what overlaps a candidate with more evidence: a piece of the same silhouette."""
+    """Reject candidates that overlap one with more evidence: they are pieces of its silhouette."""
 
     def weight(i: int) -> int:
         evidence = candidates[i].evidence

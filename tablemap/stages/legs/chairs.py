@@ -1,4 +1,4 @@
-"""How chairs stand among a table's legs: squares of slender things that leave the top."""
+"""Chairs among a table's legs: squares of slender things that extend beyond the top."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from tablemap.stages.legs.layout import Frame
 
 _SIDES = (0.28, 0.56)  # metres between a chair's neighbouring legs
 _ASKEW = 0.2  # largest cosine of the angle at a chair's leg
-_CLOSES = 0.05  # metres from where three legs have the fourth to where it is
+_CLOSES = 0.05  # metres between the fourth leg and the place that the other three predict
 
 
 def chair_like(frame: Frame, places: Floats, own: AbstractSet[int]) -> set[int]:
-    """Return which (n, 2) places of slender things stand as a chair's legs do.
+    """Return which of (n, 2) places of slender things stand like the legs of a chair.
 
-    ``own`` are places that stand as the table's own legs: a symmetric set near its corners, which
-    takes far more of an accident than three places at a right angle. They are chairs' only if no
-    place of the set is left over, and at least half are of whole chairs with as many legs besides,
-    or what carries the top stands in its middle.
+    ``own`` are places that stand like the table's own legs: a symmetric set near its corners. Such
+    a set is much less likely by accident than three places at a right angle. Its places count as
+    chairs' legs only if chairs explain all of them, and one of two things holds: at least half
+    belong to whole chairs with as many other legs, or something in the middle carries the top.
     """
     squares = chair_squares(frame, places)
     found = set().union(*squares)
@@ -31,10 +31,11 @@ def chair_like(frame: Frame, places: Floats, own: AbstractSet[int]) -> set[int]:
 
 
 def chair_squares(frame: Frame, places: Floats) -> list[frozenset[int]]:
-    """Return the squares of 28 to 56 cm among (n, 2) places that leave the top, as indices.
+    """Return the squares of 28 to 56 cm among (n, 2) places that extend beyond the top, as indices.
 
-    Three corners of a square are enough, unless one of them has its place in a whole square, for no
-    leg belongs to two chairs, or in the middle of the top, where a pedestal stands.
+    Three corners of a square are enough, with two exceptions. No corner may belong to a whole
+    square, as no leg belongs to two chairs. No corner may be in the middle of the top, where a
+    pedestal stands.
     """
     if len(places) < 3:
         return []

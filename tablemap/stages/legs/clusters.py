@@ -1,4 +1,4 @@
-"""Things that stand under the top: where silhouettes meet, and whether they stayed."""
+"""Things that stand under the top: places where silhouettes meet, and whether the things stayed."""
 
 from __future__ import annotations
 
@@ -14,15 +14,17 @@ from tablemap.stages.legs.scans import Scans
 from tablemap.stages.legs.silhouettes import Segments
 
 _CELL = 0.01
-_APART = 0.04  # two narrow things whose middles are nearer than this are one
+_APART = 0.04  # metres: two narrow things with nearer middles are one
 
 
 @dataclass(frozen=True, eq=False)
 class Cluster:
-    """One thing: its middle, its ``size`` across, and which segments show it.
+    """One thing that segments show.
 
-    ``members`` are indices into the segments. ``slender`` things have whole silhouettes; others
-    are wide (panels, boxes).
+    - ``centre``: (2,) metres in the map
+    - ``size``: metres across
+    - ``members``: indices into the segments
+    - ``slender``: whether its silhouettes are whole; other things are wide (panels, boxes)
     """
 
     centre: Floats
@@ -41,7 +43,7 @@ class Persistence:
 
     @property
     def share(self) -> float:
-        """The share that hit, among those that could have."""
+        """The share that hit, among those that could hit."""
         return self.hit / max(self.hit + self.passed, 1)
 
 
@@ -64,12 +66,12 @@ def find_clusters(
         size = float(np.median(segments.width[core]))
         centre = np.median(segments.centre[core], axis=0)
         if wide_tree is not None:
-            # A panel seen end on looks slender from there, and wide from elsewhere.
+            # A panel looks slender from its end, and wide from elsewhere.
             touching = wide_rows[wide_tree.query_ball_point(centre, 0.04)]
             if len(np.unique(segments.view[touching])) > 0.3 * len(np.unique(segments.view[core])):
                 continue
         spread = np.linalg.norm(segments.centre - centre, axis=1)
-        # A half hidden segment's middle lies up to half a width aside.
+        # The middle of a half hidden segment is off by up to half a width.
         members = near & (spread < np.where(whole, _APART, 0.5 * size + 0.03))
         taken |= members
         clusters.append(Cluster(centre, size, np.flatnonzero(members), slender=True))
@@ -96,7 +98,7 @@ def _peaks(centres: Floats, weight: Floats) -> Floats:
 
 
 def _points_of(points: Floats, segments: Segments, chosen: Ints) -> tuple[Floats, Ints]:
-    """Return the beam ends (n, 2) of the chosen segments, and whose each is (n,)."""
+    """Return the beam ends (n, 2) of the chosen segments, and each end's segment (n,)."""
     counts = segments.last[chosen] - segments.first[chosen] + 1
     rows = np.repeat(chosen, counts)
     beam = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -104,7 +106,7 @@ def _points_of(points: Floats, segments: Segments, chosen: Ints) -> tuple[Floats
 
 
 def _touching(points: Floats, segments: Segments, chosen: Ints) -> list[Cluster]:
-    """Join what is left where its points touch: cells of 3 cm, neighbours included."""
+    """Join the remaining segments whose points touch: cells of 3 cm, neighbours included."""
     if not len(chosen):
         return []
     ends, rows = _points_of(points, segments, chosen)
@@ -124,10 +126,10 @@ def _touching(points: Floats, segments: Segments, chosen: Ints) -> list[Cluster]
 
 
 def persistence(scans: Scans, place: Floats, radius: float) -> Persistence:
-    """Count the stops and drives whose beams through ``place`` ended there, passed, or fell short.
+    """Count the stops and drives whose beams ended at ``place``, passed it, or fell short.
 
-    A hit is any beam within a centimetre of the silhouette that ends there; a scan passed if beams
-    through the inner half went on and none hit.
+    A scan hits if any beam within a centimetre of the silhouette ends at the place. A scan passes
+    if beams through the inner half go on and none hits.
     """
     offset = place - scans.origins
     distance = np.hypot(offset[..., 0], offset[..., 1])

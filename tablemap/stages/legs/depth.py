@@ -1,4 +1,4 @@
-"""What the depth camera saw below the top: whether a thing reaches up to it, and posts in sight."""
+"""Views of the depth camera below the top: whether a thing reaches the top, and visible posts."""
 
 from __future__ import annotations
 
@@ -19,31 +19,34 @@ from tablemap.stages.snapshots import Snapshot
 _STRIDE = 2  # pixels: posts of 3 cm are still 4 columns wide at 2 m
 _CELL = 0.02
 _LAYER = 0.05
-_MARGIN = 0.03  # metres beyond the outline, as poses by depth err
+_MARGIN = 0.03  # metres beyond the outline: poses by depth err by so much
 _LEAST_PIXELS = 6  # of a layer of a post, or of its face
 
 
 @dataclass(frozen=True)
 class Reach:
-    """Looks at a thing's upper part (under the top, above a seat): seen there, or seen through."""
+    """How many looks at a thing's upper part (under the top, above a seat) hit it or passed it."""
 
     hit: int
     passed: int
 
     @property
     def is_up(self) -> bool:
-        """Say that something stands there."""
+        """Whether something stands there."""
         return self.hit >= 3 and self.hit >= self.passed
 
     @property
     def is_free(self) -> bool:
-        """Say that the view through there is open."""
+        """Whether the views passed freely."""
         return self.passed >= 4 and self.hit <= 0.15 * self.passed
 
 
 @dataclass(frozen=True, eq=False)
 class Post:
-    """Something upright under the top, seen by depth alone: ``points`` (n, 2) in the map."""
+    """Something upright under the top that only depth shows.
+
+    ``points`` are (n, 2) in the map; ``reason`` says why it is no leg, None if it may be one.
+    """
 
     centre: Floats
     size: float
@@ -62,10 +65,10 @@ def reach(
     lowest: float,
     highest: float,
 ) -> Reach:
-    """Look up a thing's upper part (``lowest`` to ``highest`` metres) in every depth image.
+    """Look for a thing's upper part (``lowest`` to ``highest`` metres) in every depth image.
 
-    One look is a view at one height. Where what is seen goes on to both sides (a wall, a panel),
-    the look says nothing.
+    One look is a view at one height. If the visible surface goes on to both sides (a wall, a
+    panel), the look counts neither for nor against.
     """
     heights = np.arange(lowest, highest, 0.04)
     hits = passes = 0
@@ -115,9 +118,9 @@ def find_posts(
 ) -> list[Post]:
     """Find upright things under the top that reach from near the floor up to it.
 
-    Looks at pixels inside the outline between 5 cm above the floor and 5 cm under the top; a post
-    is a column of the map whose layers of 5 cm are mostly filled, the upper ones too. What lies on
-    one of the ``walls`` that the laser found is left out.
+    Only pixels inside the outline, between 5 cm above the floor and 5 cm under the top, count. A
+    post is a column of the map whose layers of 5 cm are mostly filled, the upper ones too. Points
+    on one of the ``walls`` that the laser found are left out.
     """
     low, high = 0.05, height - 0.06
     layers = int((high - low) / _LAYER)
@@ -199,7 +202,7 @@ def _post(
         for side in (-1.0, 1.0):
             edge = float(np.percentile(aside[face] * side, 97))
             beyond = around_aside[around] * side - edge
-            # What goes on beside it at its depth (a wall close behind) hides where it ends.
+            # A surface beside it at its depth (a wall close behind) hides its edge.
             if ((beyond > 0.01) & (beyond < 0.05)).sum() >= _LEAST_PIXELS:
                 continue
             point = eye + sight * (front + 0.01) + left * side * edge

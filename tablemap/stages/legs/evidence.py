@@ -1,4 +1,4 @@
-"""What a leg's primitive is fitted to: the tangents and the depths of its segments."""
+"""The evidence to which a leg's primitive is fitted: tangents and depths of its segments."""
 
 from __future__ import annotations
 
@@ -11,23 +11,33 @@ from tablemap.stages.legs.scans import Scans
 from tablemap.stages.legs.silhouettes import Segments
 
 STOP_POSITION_SIGMA = 0.003
-"""What a stop's pose may be off where a fit holds it, metres."""
+"""Error of a stop's pose in fits that keep the poses fixed, metres."""
 
-# What one scan of a drive is off beside the others, by the odometry's interpolation.
+# Error of one scan of a drive against the others, from the odometry's interpolation.
 _MOVING_POSITION_SIGMA = 0.003  # metres
 _MOVING_YAW_SIGMA = 0.001  # radians
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What a leg's primitive is fitted to: N tangents and M mean depths of segments.
+    """N tangents and M mean depths of segments, to which a leg's primitive is fitted.
 
-    A tangent has an outward ``normal`` (N, 2), a ``point`` (N, 2) on it beside the leg, the
-    ``range`` (N,) and a white ``sigma`` (N,) metres. The depths, one a segment, are given by their
-    beams: ``hits`` (P, 2) points, ``rays`` (P, 2) directions and ``row`` (P,), ascending, into the
-    M segments, whose ``hit_sigma`` (M,) is that of the mean. ``group`` and ``hit_group`` share pose
-    errors and ``lever`` and ``hit_lever`` are the place relative to the base, about which a yaw
-    error turns.
+    All places are metres in the map. Of the tangents:
+
+    - ``normal``: (N, 2) outward unit vectors
+    - ``point``: (N, 2), on the tangent beside the leg
+    - ``range``: (N,) metres
+    - ``sigma``: (N,) metres, of white noise
+    - ``group``: (N,), rows of one group share a pose error
+    - ``lever``: (N, 2), place relative to the base, about which a yaw error turns
+
+    Of the depths, one a segment, given by P beams:
+
+    - ``hits``: (P, 2) ends of the beams
+    - ``rays``: (P, 2) their directions
+    - ``row``: (P,) ascending, each beam's segment
+    - ``hit_sigma``: (M,) metres, of the mean of a segment
+    - ``hit_group``, ``hit_lever``: (M,) and (M, 2), as for the tangents
     """
 
     normal: Floats
@@ -50,7 +60,7 @@ class Evidence:
 
 
 def thinned(evidence: Evidence, tangents: int) -> Evidence:
-    """Return about as many tangents, evenly chosen, and the depths of as many segments."""
+    """Return about ``tangents`` tangents, evenly chosen, and the depths of as many segments."""
     keep = np.arange(0, len(evidence.sigma), max(1, len(evidence.sigma) // tangents))
     rows = np.arange(0, len(evidence.hit_sigma), max(1, len(evidence.hit_sigma) // tangents))
     index = np.full(len(evidence.hit_sigma), -1)
@@ -75,8 +85,8 @@ def thinned(evidence: Evidence, tangents: int) -> Evidence:
 def gather_evidence(scans: Scans, points: Floats, chosen: Segments, members: Segments) -> Evidence:
     """Turn one leg's segments into tangents and depths.
 
-    ``members`` are all segments that belong to the same thing, ``chosen`` those to be used: an
-    end whose neighbour is another member is no silhouette.
+    ``members`` are all segments of the thing, and ``chosen`` are those to use. An end whose
+    neighbour is another member is no silhouette.
     """
     tangents = []
     beams = scans.ranges.shape[1]
@@ -84,14 +94,14 @@ def gather_evidence(scans: Scans, points: Floats, chosen: Segments, members: Seg
     own = members.view * stride + np.stack([members.first, members.last])
     for ends, step, is_end in ((chosen.first, -1, chosen.low), (chosen.last, 1, chosen.high)):
         next_beam = chosen.view * stride + ends + step
-        # At grazing incidence a stray beam lies between two pieces of one face.
+        # At grazing incidence a stray beam may lie between two pieces of one face.
         alone = ~np.isin(next_beam, own) & ~np.isin(next_beam + step, own)
         keep = is_end & alone & ~chosen.between
         view, end = chosen.view[keep], ends[keep]
         inner = scans.ranges[view, end]
         outer = scans.ranges[view, np.clip(end + step, 0, beams - 1)]
         further = scans.ranges[view, np.clip(end + 2 * step, 0, beams - 1)]
-        # A wide spot half on the leg measures something between: that beam holds the edge.
+        # A wide spot that is half on the leg gives a range in between: its beam contains the edge.
         mixed = np.isfinite(outer) & (outer - inner < 0.6) & ~(further < outer + 0.05)
         spacing = scans.spacing[view]
         angle = scans.angles[view, end] + step * np.where(mixed, 1.0, 0.5) * spacing

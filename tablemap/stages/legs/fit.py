@@ -18,17 +18,19 @@ _CAUCHY = 2.5
 _SHARED = 1.3
 _SMALLEST = 0.004
 _SETTLED = 1e-5  # metres and radians
-_YAWS = 8  # that a fit may start from, over a quarter turn
-_AGREE = 0.85  # of the tangents: the others are ends of pieces, where a neighbour hides the thing
+_YAWS = 8  # start yaws of a fit, over a quarter turn
+_AGREE = 0.85  # of the tangents: the others are false ends, where a neighbour hides the thing
 
 
 @dataclass(frozen=True, eq=False)
 class Priors:
-    """What is believed of the nuisances before: pose errors by group, beam width, range bias.
+    """Priors of the nuisances.
 
-    ``information`` (3G, 3G) is the groups' (x, y, yaw), None where poses are held; ``beam`` in
-    radians and ``bias`` in metres are (mean, sigma). ``yaw`` (angle, sigma) pulls rectangles to
-    the table's axes, quarter turns alike; None without.
+    - ``information``: (3G, 3G) of the pose errors (x, y, yaw) of G groups, None if poses are fixed
+    - ``beam``: mean and sigma of the beam's half width, radians
+    - ``bias``: mean and sigma of the range bias, metres
+    - ``yaw``: angle and sigma, radians: pulls rectangles to the table's axes, up to quarter turns;
+      None without
     """
 
     information: Floats | None
@@ -41,11 +43,16 @@ class Priors:
 class Fit:
     """A solution for K legs of one ``kind``.
 
-    ``parameters`` (K, p) and their ``covariance`` per leg (K, p, p), scaled by the residuals where
-    those are larger than their sigmas; ``cost`` is the robust sum of squares with the priors,
-    ``costs`` (K,) each leg's part; ``count`` residuals; ``free`` parameters without yaws that a
-    prior holds, ``shared`` of them by all legs; ``rms`` (K,) metres of the tangents. ``misfits``
-    are each leg's residuals over their sigmas: its tangents' and its depths'.
+    - ``parameters``: (K, p), metres and radians in the map
+    - ``covariance``: (K, p, p), scaled up where residuals are larger than their sigmas
+    - ``cost``: the robust sum of squares with the priors
+    - ``costs``: (K,), each leg's part of the cost
+    - ``count``: number of residuals
+    - ``free``: number of free parameters, without yaws that a prior holds
+    - ``shared``: number of those that all legs share
+    - ``rms``: (K,) metres, of the tangents
+    - ``beam_half_width``, ``range_bias``: radians and metres, the laser's nuisances
+    - ``misfits``: each leg's residuals over their sigmas, of its tangents and of its depths
     """
 
     kind: ShapeRecord
@@ -71,7 +78,7 @@ def fit_shapes(
     tied: bool,
     iterations: int = 12,
 ) -> Fit:
-    """Fit one primitive a leg, all legs with the same nuisances, by robust Gauss-Newton.
+    """Fit one primitive to each leg, with common nuisances, by robust Gauss-Newton.
 
     ``start`` is (K, p); with ``tied`` the legs share their size.
     """
@@ -100,7 +107,7 @@ def fit_shapes(
     if has_yaw(kind) and priors.yaw is not None:
         prior[columns[:, -1], columns[:, -1]] += priors.yaw[1] ** -2
 
-    # Weak, so that a leg seen from one side alone still has a solution.
+    # A weak prior gives a leg that was seen from one side only a solution.
     loose = np.full((legs, width), 0.3)
     loose[:, :2] = 0.5
     prior[columns, columns] += 1.0 / loose**2
@@ -112,7 +119,7 @@ def fit_shapes(
             mean[columns[:, -1]] = priors.yaw[0] + quarter * np.pi / 2
         normal, gradient = prior.copy(), prior @ (mean - x)
         for leg in range(legs):
-            # Tangents are linear in place and size: the depths join once those stand.
+            # Tangents are linear in place and size: they are solved first, then the depths join.
             rows = _linearised(kind, x, columns[leg], evidence[leg], beam, groups, iteration >= 2)
             own = np.concatenate([columns[leg], nuisances])
             _add(normal, gradient, rows, own, poses, groups)
@@ -136,7 +143,7 @@ def fit_shapes(
         misfits.append((misfit[: rows.tangents], misfit[rows.tangents :]))
         ratio = misfit**2
         costs[leg] = _CAUCHY**2 * float(np.log1p(ratio / _CAUCHY**2).sum())
-        # A depth that this shape cannot explain at all must not make it cheaper.
+        # A depth that this shape cannot explain must not lower its cost.
         costs[leg] += rows.unexplained
         count += len(rows.residual) + rows.unexplained
         if rows.tangents:
@@ -164,8 +171,14 @@ def fit_shapes(
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """One leg's residuals (n,) with sigmas, slopes (n, p + 2) in its parameters and the laser's
-    nuisances, and how a pose error of each row's group moves them, ``pose`` (n, 3)."""
+    """One leg's linearised residuals.
+
+    - ``residual``, ``sigma``: (n,) metres
+    - ``slope``: (n, p + 2), derivatives by the leg's parameters and the laser's nuisances
+    - ``pose``: (n, 3), derivatives by the pose error of the row's ``group`` (n,)
+    - ``tangents``: how many rows, the first ones, are tangents
+    - ``unexplained``: how many depths the shape cannot explain
+    """
 
     residual: Floats
     sigma: Floats
@@ -217,7 +230,10 @@ def _linearised(
 
 
 def _pose_slope(normal: Floats, lever: Floats) -> Floats:
-    """Return (n, 3): what x, y and yaw of the base move along ``normal`` at ``lever`` from it."""
+    """Return (n, 3): derivatives of a place along ``normal`` by the base's x, y and yaw.
+
+    The place is at ``lever`` from the base.
+    """
     return np.column_stack([normal, normal[:, 1] * lever[:, 0] - normal[:, 0] * lever[:, 1]])
 
 
@@ -236,7 +252,7 @@ def _add(
         normal[np.ix_(own, own)] += weighted @ rows.slope
         gradient[own] -= weighted @ rows.residual
         return
-    # Dense, poses of all groups beside the leg's own: one product beats many small ones.
+    # Dense rows, with the poses of all groups: one large product is faster than many small ones.
     width = len(own)
     full = np.zeros((len(weight), width + 3 * groups))
     full[:, :width] = rows.slope
@@ -257,7 +273,7 @@ def fit_alone(
     *,
     priors: Priors,
 ) -> Fit:
-    """Fit one leg by itself, from the best of several yaws where it has one."""
+    """Fit one leg by itself; a shape with a yaw starts from the best of several yaws."""
     if not has_yaw(kind):
         start = np.array([[*centre, size]])
         return fit_shapes(kind, [evidence], start, priors=priors, tied=False)
@@ -272,7 +288,7 @@ def fit_alone(
 def _at_yaw(
     kind: ShapeRecord, evidence: Evidence, centre: Floats, yaw: float
 ) -> tuple[float, Floats]:
-    """Fit place and sizes at a held yaw to the tangents alone, where they are linear in them.
+    """Fit place and sizes at a fixed yaw to the tangents alone: these are linear in both.
 
     Returns the robust cost and the (p,) parameters.
     """
@@ -290,9 +306,10 @@ def _at_yaw(
 
 
 def criterion(fit: Fit) -> float:
-    """Return BIC with residuals discounted a little: neighbouring ones share some errors.
+    """Return BIC, with residuals discounted a little, as neighbouring ones share some errors.
 
-    What belongs to one leg weighs against that leg's residuals, a size shared by all against all.
+    A parameter of one leg counts with the number of that leg's residuals; a size that all legs
+    share counts with the number of all residuals.
     """
     effective = max(fit.count / _SHARED, 2.0)
     each = max(effective / len(fit.parameters), 2.0)

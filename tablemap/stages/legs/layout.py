@@ -12,23 +12,23 @@ from tablemap.geometry import Floats
 from tablemap.model.shapes import ShapeRecord, shape_named
 from tablemap.stages.surface import Surface
 
-_CARRY = 3  # legs that a part stands on, unless one is in its middle
+_CARRY = 3  # fewest legs that carry a part, unless one stands in its middle
 _ACROSS = 0.04  # metres from a leg's mirror image to its partner
-_SYMMETRY = 0.03  # metres, partners are this near to where symmetry puts them
-_SETS = (4, 3, 2)  # so many legs a turn may carry onto each other
-_BEYOND = 0.02  # metres outside the outline that errors of top and place explain
+_SYMMETRY = 0.03  # metres between a partner and its place by symmetry
+_SETS = (4, 3, 2)  # sizes of a set of legs that a turn maps onto itself
+_BEYOND = 0.02  # metres outside the outline: errors of top and place explain so much
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """The top's own frame: ``polygon`` in the map, places in it by ``local``."""
+    """The top's ``polygon`` in the map, and its own frame, into which `local` maps places."""
 
     surface: Surface
     polygon: Polygon
 
     @property
     def record(self) -> ShapeRecord:
-        """What is known of the top's shape."""
+        """The record of the top's shape."""
         return shape_named(self.surface.shape)
 
     def local(self, places: Floats) -> Floats:
@@ -36,7 +36,7 @@ class Frame:
         return self.surface.pose.inverse().apply(places)
 
     def is_beside(self, place: Floats) -> bool:
-        """Say whether a place lies under what touches the table and is no part of it."""
+        """Tell whether a place lies under the other surface that touches the table."""
         beside = self.surface.beside
         return beside is not None and Polygon(beside).contains(Point(*place))
 
@@ -48,7 +48,7 @@ class Frame:
         return half
 
     def is_central(self, place: Floats) -> bool:
-        """Say whether a place is where a pedestal stands: the middle tenth of the top."""
+        """Tell whether a place is in the middle tenth of the top, where pedestals stand."""
         u, v = self.local(place[None])[0]
         half = self.half
         return bool(abs(u) < max(0.12 * half[0], 0.05) and abs(v) < max(0.12 * half[1], 0.05))
@@ -60,11 +60,11 @@ class Frame:
         return distance if self.polygon.contains(point) else -distance
 
     def is_beyond(self, place: Floats) -> bool:
-        """Say whether a place is so far outside the outline that the top does not cover it."""
+        """Tell whether a place is too far outside the outline for the top to cover it."""
         return self.inset(place) < -_BEYOND
 
     def near_corner(self, place: Floats) -> bool:
-        """Say whether a place lies in a corner's quarter, or near the rim of a round top."""
+        """Tell whether a place lies near a corner, or near the rim of a round top."""
         u, v = np.abs(self.local(place[None])[0]) / self.half
         if self.record.is_round:
             return bool(np.hypot(u, v) > 0.4)
@@ -79,8 +79,9 @@ def symmetric_sets(
 ) -> list[tuple[tuple[int, ...], Floats]]:
     """Return sets of places that map onto each other under the top's symmetry.
 
-    Each is (members, missing (m, 2) in the map): complete sets of four, three and two, and fours
-    with one place missing. Sets under the top come first, then full ones, then outer ones.
+    Each set is (members, missing places (m, 2) in the map). The sets are complete sets of four,
+    three and two, and sets of four with one place missing. Sets under the top come first, then
+    complete ones, then outer ones.
     """
     if not len(places):
         return []
@@ -113,11 +114,12 @@ def symmetric_sets(
 def table_sets(
     frame: Frame, places: Floats, slender: list[int], wide: list[int]
 ) -> tuple[set[int], set[int], set[int]]:
-    """Return which (n, 2) places are of a complete set, of another, and the table's own.
+    """Return the places in complete sets, those in partial sets, and those of the table's own set.
 
-    ``slender`` and ``wide`` are the places that may be legs. The table's own are the first set of
-    three or more, or of four with one missing, that stands near the corners; feet beyond a top that
-    has its own are of no set.
+    ``places`` are (n, 2) in the map; ``slender`` and ``wide`` are indices of those that may be
+    legs. The table's own set is the first one near the corners that has three or more places, or
+    four of which one is missing. If the table has its own set, places beyond the top belong to no
+    set.
     """
     complete: set[int] = set()
     partial: set[int] = set()
@@ -138,7 +140,7 @@ def table_sets(
 
 
 def _orbits(frame: Frame, local: Floats) -> list[Floats]:
-    """Return, for every place, where its partners should be (itself first)."""
+    """Return, for every place, the places of its partners by symmetry (itself first)."""
     turns = _turns(frame.record)
     orbits: list[Floats] = []
     for u, v in local:
@@ -155,7 +157,7 @@ def _orbits(frame: Frame, local: Floats) -> list[Floats]:
 
 
 def _turns(record: ShapeRecord) -> tuple[int, ...]:
-    """Return how many legs make up a set that a turn carries onto itself and no mirror does."""
+    """Return the sizes of sets that a turn maps onto themselves and a mirror does not."""
     if record.symmetry == 0:
         return _SETS
     if record.symmetry is None or (record.is_mirrored and record.symmetry == np.pi):
@@ -165,7 +167,7 @@ def _turns(record: ShapeRecord) -> tuple[int, ...]:
 
 
 def _skewed_orbits(frame: Frame, local: Floats) -> list[Floats]:
-    """Return the partners along the sides of a top whose angle is no right one."""
+    """Return the partners along the sides of a top whose angle is not a right angle."""
     name = frame.record.angle
     angle = frame.surface.dimensions.get(name) if name else None
     if angle is None or not 0.1 < angle.value < np.pi - 0.1:
@@ -177,9 +179,10 @@ def _skewed_orbits(frame: Frame, local: Floats) -> list[Floats]:
 
 
 def is_standing(part: Polygon, places: Floats) -> bool:
-    """Say whether a part of a top would stand on legs at (n, 2) places alone, and they about it.
+    """Tell whether a part of a top would stand on its own on legs at (n, 2) places.
 
-    At least three of them, all but one with a partner across its middle, or one there.
+    It stands on three legs or more if all but one have a partner across its middle. It also stands
+    on one leg in its middle.
     """
     if part.is_empty or not len(places):
         return False
@@ -191,7 +194,7 @@ def is_standing(part: Polygon, places: Floats) -> bool:
 
 
 def is_two_tables(frame: Frame, places: Floats) -> bool:
-    """Say whether a cut between the legs leaves two halves that each stand, three legs or more."""
+    """Tell whether a cut between the legs leaves two halves that stand on three legs or more."""
     local = frame.local(places)
     reach = 2.0 * float(frame.half.max())
     for axis in (0, 1):

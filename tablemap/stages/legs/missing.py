@@ -1,4 +1,4 @@
-"""The leg that no view could have seen, put where the others' symmetry has it."""
+"""A leg that no view could have seen, placed by the symmetry of the other legs."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from tablemap.stages.legs.result import Leg
 from tablemap.stages.legs.scans import Scans
 from tablemap.stages.surface import Figure
 
-_LASER_SYMMETRY = 0.03  # metres: as `DEPTH_SYMMETRY`, where the laser placed all
-_SYMMETRY_SIGMA = 0.01  # metres by which a table's own legs miss symmetry
+_LASER_SYMMETRY = 0.03  # metres: like `DEPTH_SYMMETRY`, for legs that the laser placed
+_SYMMETRY_SIGMA = 0.01  # metres: real legs stand off their symmetric places by so much
 
 
 def infer_missing(
@@ -31,10 +31,10 @@ def infer_missing(
     *,
     config: LegsConfig,
 ) -> list[Leg]:
-    """Put the fourth leg where three stand by symmetry and neither sensor could have seen it.
+    """Add the fourth leg if three stand by symmetry and neither sensor could have seen it.
 
-    ``looked`` says what the depth camera saw at a place of a radius. What one of the two saw
-    through is absent, and so is what should have been seen and was not.
+    ``looked`` returns the depth camera's looks at a place of a radius. There is no leg where a
+    sensor saw through the place, or should have seen a leg and did not.
     """
     if len(legs) != 3:
         return []

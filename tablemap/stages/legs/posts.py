@@ -1,4 +1,4 @@
-"""Legs that the depth camera saw: alone where there is no laser, else where no scan could look."""
+"""Legs from the depth camera: all legs without a laser, else those that no scan could reach."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tablemap.stages.legs.scans import Scans
 from tablemap.stages.surface import Figure
 
 DEPTH_SYMMETRY = 0.05
-"""Legs that depth placed so near to each other's mirror image are partners, metres."""
+"""Legs that depth placed are partners if nearer than this to each other's mirror image, metres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ def accept_posts(
     *,
     sensors: SensorsConfig,
 ) -> tuple[list[Leg], list[RejectedCluster]]:
-    """Return the posts that are legs and not found yet, and the others with their reasons."""
+    """Return the posts that are new legs, and the rejected ones with their reasons."""
     taken = [np.array([leg.x, leg.y]) for leg in legs] + [c.place for c in candidates]
     fitted: list[_Fitted] = []
     refused: list[RejectedCluster] = []
@@ -85,7 +85,7 @@ def accept_posts(
 
 
 def _without_doubles(fitted: list[_Fitted]) -> tuple[list[_Fitted], list[RejectedCluster]]:
-    """Set aside what overlaps a post with more evidence: a piece of the same thing."""
+    """Reject posts that overlap a post with more evidence: they are pieces of the same thing."""
     kept: list[_Fitted] = []
     refused: list[RejectedCluster] = []
     for one in sorted(fitted, key=lambda f: len(f.post.evidence.sigma), reverse=True):
@@ -120,7 +120,7 @@ def _fitted(post: Post, frame: Frame, sensors: SensorsConfig) -> Fit:
 def _leg(one: _Fitted, sensors: SensorsConfig) -> Leg:
     values = one.fit.parameters[0]
     sigma = np.sqrt(np.maximum(np.diag(one.fit.covariance[0]), 0.0))
-    # Silhouettes of a depth camera share their fattening: it does not average out.
+    # A depth camera makes all silhouettes wider: this error does not average out.
     size = Figure(float(values[2]), float(np.hypot(sigma[2], 1.5 * sensors.depth_silhouette_sigma)))
     place = float(
         np.sqrt(0.5 * (sigma[0] ** 2 + sigma[1] ** 2) + sensors.depth_silhouette_sigma**2)

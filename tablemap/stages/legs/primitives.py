@@ -1,8 +1,8 @@
 """Circle, square and rectangle: where tangents touch them, and where rays meet them.
 
-Parameters are x, y, then the lengths of the shape's record, then its yaw where it has one.
-A tangent with outward unit normal n touches a convex shape of centre c where n.p = n.c + h(n): h is
-the radius of a circle, and (l |n.u| + w |n.v|) / 2 of a rectangle with axes u and v.
+The parameters are x and y, then the lengths of the shape's record, then its yaw if it has one.
+A tangent with outward unit normal n touches a convex shape of centre c where n.p = n.c + h(n). For
+a circle h is the radius; for a rectangle with axes u and v it is (l |n.u| + w |n.v|) / 2.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ import numpy as np
 from tablemap.geometry import Floats
 from tablemap.model.shapes import CIRCLE, RECTANGLE, SQUARE, ShapeRecord
 
-_GRAZING = 0.4  # cosine of incidence under which a depth says little
+_GRAZING = 0.4  # cosine of incidence: below it a depth says little
 
 
 def sizes_of(kind: ShapeRecord) -> slice:
-    """Return which parameters are the lengths: they stand behind x and y, before a yaw."""
+    """Return which parameters are the lengths: they follow x and y, and precede a yaw."""
     return slice(2, 2 + len(kind.lengths))
 
 
 def has_yaw(kind: ShapeRecord) -> bool:
-    """Say whether the last parameter is a yaw."""
+    """Tell whether the last parameter is a yaw."""
     return kind.yaw_period > 0
 
 
@@ -58,10 +58,11 @@ def support(kind: ShapeRecord, values: Floats, normal: Floats) -> tuple[Floats, 
 def surface_distance(
     kind: ShapeRecord, values: Floats, points: Floats, rays: Floats
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return distances (n,) to the surface that each ray meets, along its normal (n, 2), with
-    d(distance)/d(values) (n, p) and validity (n,).
+    """Return each point's distance to the part of the surface that its ray meets.
 
-    The ray decides which part of the surface is meant: the noisy point would favour the wrong one.
+    The results are distances (n,) along the surface's normals, these normals (n, 2),
+    d(distance)/d(values) (n, p) and validity (n,). The ray selects the part of the surface, not the
+    nearest place to the point, as a noisy point would select a wrong part.
     """
     offset = points - values[:2]
     along_ray = np.einsum("ij,ij->i", offset, rays)

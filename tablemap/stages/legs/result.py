@@ -11,7 +11,7 @@ from tablemap.model import Status
 from tablemap.stages.surface import Figure
 
 SeenBy = Literal["laser", "depth", "nothing"]
-"""What a leg's place rests on."""
+"""The sensor that a leg's place comes from."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,13 +20,13 @@ class Leg:
 
     - ``shape``: ``circle`` (diameter) or ``rectangle`` (length, width)
     - ``x``, ``y``, ``yaw``: metres and radians in the map; the yaw is 0 for a circle, in [0, pi/2)
-      where length and width are one, else in [0, pi)
+      if length and width are equal, else in [0, pi)
     - ``position_sigma``: metres, a standard deviation per axis
     - ``points``: (n, 2) metres in the map, the evidence
     - ``views``: how many stops and drives saw it
-    - ``seen_by``: ``nothing`` where it is inferred
-    - ``scale_sigma``: metres, the part of ``position_sigma`` that rests on what is assumed of the
-      laser's scale
+    - ``seen_by``: the sensor, or ``nothing`` if the leg is inferred
+    - ``scale_sigma``: metres, the part of ``position_sigma`` from the assumed error of the laser's
+      scale
     """
 
     shape: str
@@ -54,10 +54,11 @@ class RejectedCluster:
 
 @dataclass(frozen=True, eq=False)
 class Legs:
-    """The legs, what was set aside, and the thinned evidence (n, 2) in the map.
+    """The legs and the rejected clusters.
 
-    ``beam_half_width`` (radians) and ``range_bias`` (metres) are what the fit found of the laser;
-    None where no laser was used.
+    - ``evidence``: (n, 2) metres in the map, thinned
+    - ``beam_half_width``, ``range_bias``: radians and metres, the laser's fitted nuisances; None if
+      no laser was used
     """
 
     legs: tuple[Leg, ...]

@@ -1,4 +1,4 @@
-"""The scans that help: one combined scan a stop, and thinned ones of the drives, in the map."""
+"""The scans for the legs, in the map: one combined scan a stop, and a selection from the drives."""
 
 from __future__ import annotations
 
@@ -15,21 +15,27 @@ from tablemap.stages.odometry import Trajectory, combine_beams
 from tablemap.stages.registration import Registration
 from tablemap.stages.snapshots import Snapshot
 
-_MOVING_STEP = 0.04  # metres of the base between two scans of a drive
-_FARTHEST = 4.0  # metres of the base from the table's middle: from there a leg is one beam wide
+_MOVING_STEP = 0.04  # metres that the base moves between two kept scans of a drive
+_FARTHEST = 4.0  # metres between base and table's middle: farther away a leg is one beam wide
 _LOST = 2  # beams in a row that a surface may lose
-_ONE_DEPTH = 0.05  # metres between the beams beside them
+_ONE_DEPTH = 0.05  # largest difference, metres, of the ranges beside such a gap
 
 
 @dataclass(frozen=True, eq=False)
 class Scans:
     """V scans of B beams in the map, angles ascending, short ones padded as unknown.
 
-    ``origins`` (V, B, 2), ``angles`` (V, B), ``ranges`` (V, B): inf where nothing came back, NaN
-    where nothing is known. ``pivots`` (V, 2) is the base, about which a yaw error turns the scan.
-    ``spacing`` (V,) radians between beams. ``groups`` (V,) share a pose error: one a stop, one a
-    drive between stops; ``group_stops`` holds each group's snapshot index, -1 for a drive.
-    ``noise`` (V,) is the range noise in metres. ``height`` is the laser's above the base.
+    - ``origins``: (V, B, 2) metres
+    - ``angles``: (V, B) radians
+    - ``ranges``: (V, B) metres, inf where nothing came back, NaN where nothing is known
+    - ``pivots``: (V, 2) metres, the base, about which a yaw error turns the scan
+    - ``spacing``: (V,) radians between beams
+    - ``standing``: (V,), whether the scan comes from a stop
+    - ``groups``: (V,), scans of one group share a pose error: one group a stop, one a drive between
+      stops
+    - ``group_stops``: (G,), each group's snapshot index, -1 for a drive
+    - ``noise``: (V,) metres, of a range
+    - ``height``: metres, of the laser above the base
     """
 
     origins: Floats
@@ -54,11 +60,12 @@ def gather_scans(
     config: LegsConfig,
     range_noise: float,
 ) -> Scans | None:
-    """Stream the scans, combine those of a stop, thin those of the drives; None without any.
+    """Stream the scans, combine those of a stop, and thin those of the drives; None without scans.
 
-    Memory is bounded: ``config.stop_scans`` a stop and ``config.moving_scans`` in all are kept,
-    whatever the recording's length. ``stop_poses`` are the used snapshots' by index, ``centre``
-    (2,) the table's in the map, ``range_noise`` (metres) one beam's.
+    Memory is bounded, whatever the recording's length: at most ``config.stop_scans`` a stop and
+    ``config.moving_scans`` of all drives are kept. ``stop_poses`` are the poses of the used
+    snapshots by index, ``centre`` (2,) is the table's in the map, ``range_noise`` (metres) is that
+    of one beam.
     """
     if recording.names.laser is None:
         return None
@@ -119,7 +126,7 @@ class _Row:
 
 
 class _Stop:
-    """The ranges of one stop's scans, thinned to a bound as they arrive."""
+    """The ranges of one stop's scans, thinned on arrival to a bounded number."""
 
     def __init__(self) -> None:
         self.first: LaserScan | None = None
@@ -167,7 +174,7 @@ class _Path:
 
 
 class _Drives:
-    """Scans taken in motion, thinned to a bound as they arrive."""
+    """Scans taken in motion, thinned on arrival to a bounded number."""
 
     def __init__(self, bound: int) -> None:
         self.kept: list[tuple[LaserScan, Pose2, int]] = []
@@ -176,12 +183,12 @@ class _Drives:
         self.last: Floats | None = None
 
     def moved(self, pose: Floats) -> bool:
-        """Say whether ``pose`` (3,) is a step from the last kept one, and take it as the next."""
+        """Tell whether ``pose`` (3,) is a step from the last kept pose; if so, keep it."""
         if self.bound == 0:
             return False
         if self.last is not None:
             moved = pose - self.last
-            # A turn of a quarter radian shifts the beams against the legs as a step does.
+            # A turn, too, shifts the beams against the legs: a radian counts as 25 cm.
             if np.hypot(moved[0], moved[1]) + 0.25 * abs(moved[2]) < self.step:
                 return False
         self.last = pose
@@ -206,7 +213,7 @@ def _cleaned(scan: LaserScan) -> Floats:
 
 
 def _bridged(ranges: Floats) -> Floats:
-    """Fill one or two lost beams between two that ended at one depth: one surface, not its ends."""
+    """Fill gaps of one or two lost beams between beams of one depth: these hit one surface."""
     hit = np.flatnonzero(np.isfinite(ranges))
     before, after = hit[:-1], hit[1:]
     gap = after - before
@@ -230,7 +237,7 @@ def _placed(
     group: int,
     noise: float,
 ) -> _Row:
-    """Place every beam in the map, from where the base was when that beam was fired."""
+    """Place every beam in the map by the base's pose at the time of that beam."""
     beams = scan.angles
     directions = np.stack([np.cos(beams), np.sin(beams)], axis=1) @ mount[:2, :2].T
     angles = np.unwrap(np.arctan2(directions[:, 1], directions[:, 0]))

@@ -1,4 +1,4 @@
-"""The accepted legs' final primitives: one joint fit, one size for alike legs, missing ones."""
+"""The final primitives of the accepted legs: one joint fit, and one size for similar legs."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from tablemap.stages.registration import Registration
 from tablemap.stages.surface import Figure
 
 _YAW_SIGMA = np.radians(2.0)
-_SIZE_SYSTEMATIC = 0.0003  # metres of a leg's size that no residual can tell
-# What all scans of one drive share: the odometry was bent to the stops at its ends.
+_SIZE_SYSTEMATIC = 0.0003  # metres: error of a leg's size that no residual shows
+# Common pose error of all scans of one drive: the odometry was bent to the stops at its ends.
 _DRIVE_POSITION_SIGMA = 0.006  # metres
 _DRIVE_YAW_SIGMA = 0.003  # radians
 _POSE_FLOOR = 0.0001  # metres added to a stop's sigma, so that its covariance has an inverse
 _ELONGATED = 1.25
 _RARE = 6.0
-_TELLING = 30  # residuals that tell their own spread
-_LEAST = 0.2  # of an assumed sigma: residuals that are all alike do not make it nought
+_TELLING = 30  # fewest residuals from which a spread is measured
+_LEAST = 0.2  # of an assumed sigma: equal residuals must not make it zero
 
 
 def refine(
@@ -41,9 +41,9 @@ def refine(
     *,
     sensors: SensorsConfig,
 ) -> tuple[list[Leg], float | None, float | None]:
-    """Fit the legs together; return them, the beam's half width and the range bias found.
+    """Fit the legs together; return the legs, the beam's half width and the range bias.
 
-    Legs whose own sizes agree share one shape and one size: a carpenter makes them alike.
+    Legs whose own sizes agree get one shape and one size, as legs of a table are made alike.
     """
     if scans is None or not accepted:
         return [], None, None
@@ -81,7 +81,7 @@ def _pose_covariance(scans: Scans, registration: Registration) -> Floats:
     known = registration.covariance[np.ix_(theirs, theirs)]
     if np.isfinite(known).all():
         covariance[np.ix_(ours, ours)] = 0.5 * (known + known.T)
-    # The relative covariance has no inverse: the mean pose is held.
+    # The relative covariance has no inverse, as the mean pose is fixed.
     floor = np.tile([_POSE_FLOOR**2] * 2 + [(0.3 * _POSE_FLOOR) ** 2], len(stops))
     covariance[ours, ours] += floor
     return covariance
@@ -111,11 +111,11 @@ def _diameter(candidate: Candidate) -> tuple[float, float]:
 
 
 def _weighted(evidence: list[Evidence], fit: Fit, scans: Scans) -> list[Evidence]:
-    """Return the evidence with sigmas as the residuals show them, for stops and drives apart.
+    """Return the evidence with sigmas scaled to the residuals, separately for stops and drives.
 
-    What a beam's spacing, its spot and the drive's interpolation make of a tangent is assumed
-    beforehand; hundreds of residuals tell it better. A depth of which the shape says nothing has no
-    residual: depths keep one common factor.
+    The sigma of a tangent was assumed, from the beams' spacing, their spot and the interpolation of
+    the drive. Hundreds of residuals measure it better. Depths that the shape cannot explain have no
+    residual, so that all depths get one common factor.
     """
     moving = scans.group_stops < 0
     factor = np.ones((2, 2))
@@ -150,7 +150,7 @@ def _best(
     frame: Frame,
     sensors: SensorsConfig,
 ) -> Fit:
-    """Fit all ``kinds`` to a group of alike legs and take the one with the best criterion."""
+    """Fit all ``kinds`` to a group of similar legs and take the one with the best criterion."""
     fits = []
     for kind in kinds:
         start = np.stack([c.fits[kind].parameters[0] for c in group])
@@ -179,7 +179,7 @@ def _best(
 
 
 def _doubted(fit: Fit) -> float:
-    """Return the criterion, with what a nearly square rectangle must win by: such legs are rare."""
+    """Return the criterion, with a penalty for nearly square rectangles: such legs are rare."""
     if fit.kind is not RECTANGLE:
         return criterion(fit)
     long, short = np.max(fit.parameters[0, 2:4]), np.min(fit.parameters[0, 2:4])
@@ -189,7 +189,7 @@ def _doubted(fit: Fit) -> float:
 def _ordered(values: Floats) -> Floats:
     """Return (K, 5) rectangles with the length first.
 
-    Where that is not clear, the sides are named as those of the first leg lie.
+    If this is not clear, length and width follow the directions of the first leg's sides.
     """
     ordered = values.copy()
     swapped = values[:, [0, 1, 3, 2, 4]] + [0, 0, 0, 0, np.pi / 2]
@@ -204,10 +204,11 @@ def _ordered(values: Floats) -> Floats:
 def _systematic(
     candidate: Candidate, registration: Registration, frame: Frame, sensors: SensorsConfig
 ) -> float:
-    """Return metres that no residual shows, relative to the table.
+    """Return the systematic error of a leg's place against the table, metres.
 
-    The scans that placed the stops see the legs too, so a wrong mount cancels and a wrong range
-    scale stretches the legs about the table's middle; other poses bring all their own.
+    If scans placed the stops, a wrong mount of the laser cancels, as the same scans see the legs.
+    Then only a wrong range scale is left: it stretches the legs about the table's middle. Poses
+    from elsewhere add their whole systematic error.
     """
     if registration.source != "laser":
         return registration.systematic

@@ -1,4 +1,4 @@
-"""Segments of a scan near the table: their tangents, their depth, and which are walls."""
+"""Segments of a scan near the table: their silhouettes, and which of them are walls."""
 
 from __future__ import annotations
 
@@ -12,28 +12,33 @@ from tablemap.geometry import Bools, Floats, Ints
 from tablemap.stages.legs.scans import Scans
 
 Walls = list[tuple[Floats, float]]
-"""Lines in the map: a unit normal (2,) and how far along it the line lies from the origin."""
+"""Lines in the map: a unit normal (2,), and the line's distance from the origin along it."""
 
-_MARGIN = 0.35  # metres beyond the outline that are looked at: chairs and walls are told by them
+_MARGIN = 0.35  # metres beyond the outline: this margin shows chairs and walls
 _WALL_LENGTH = 0.35  # metres of a straight line in one scan: longer than any leg is wide
-_WALL_BEYOND = 0.08  # metres beyond the top: a line that leads on there is no panel of the table
+_WALL_BEYOND = 0.08  # metres: a line that goes on so far beyond the top is no panel of the table
 WALL_DISTANCE = 0.03
-"""What lies no further off a wall's line than this is the wall, metres."""
+"""Points nearer to a wall's line than this belong to the wall, metres."""
 
-_STEP_NOISES = 4.0  # a range step is real from this many sigmas of a beam difference
-_STEP_INCIDENCE = 2.5  # and above what a surface at 68 degrees incidence makes of one beam's angle
+_STEP_NOISES = 4.0  # a real range step is larger than this many sigmas of a beam difference
+_STEP_INCIDENCE = 2.5  # and larger than the step on a surface at 68 degrees incidence
 
 
 @dataclass(frozen=True, eq=False)
 class Segments:
-    """S runs of neighbouring beams without a jump, all ends given in the map.
+    """S runs of neighbouring beams without a jump.
 
-    ``view`` (S,) is the scan, ``first`` and ``last`` (S,) its beams. ``centre`` (S, 2) is where the
-    middle of a round thing with this silhouette would be, ``range`` (S,) the mean, ``width`` (S,)
-    across the rays. ``low`` and ``high`` (S,) say that this end is a silhouette: the neighbour lies
-    farther or saw nothing. ``between`` (S,) marks single beams that lie in a jump between two
-    surfaces, as a wide spot does. ``inside`` (S,) is the share of points under the top or a
-    little beyond, ``wall`` (S,) what belongs to a line that leads on beyond it.
+    - ``view``: (S,), the scan
+    - ``first``, ``last``: (S,), the beams at its ends
+    - ``centre``: (S, 2) metres in the map, the middle of a round thing with this silhouette
+    - ``range``: (S,) metres, the mean
+    - ``width``: (S,) metres, across the rays
+    - ``low``, ``high``: (S,), whether this end is a silhouette: the neighbour lies farther or saw
+      nothing
+    - ``between``: (S,), whether it is a single beam in a jump between two surfaces, as a wide spot
+      gives
+    - ``inside``: (S,), share of the points under the top or a little beyond
+    - ``wall``: (S,), whether it belongs to a line that goes on beyond the top
     """
 
     view: Ints
@@ -65,15 +70,15 @@ def beam_points(scans: Scans) -> Floats:
 
 
 def find_segments(scans: Scans, points: Floats, outline: Polygon) -> tuple[Segments, Walls]:
-    """Cut every scan where the range jumps, and keep what ends near the table.
+    """Cut every scan where the range jumps, and keep the segments near the table.
 
-    Returns the walls beside it, too: the lines that lead on beyond the table.
+    Returns the walls, too: the lines that go on beyond the table.
     """
     hit = np.isfinite(scans.ranges)
     found = _cut(scans, points, hit, outline)
     walls = _walls(found, points, outline)
     if walls:
-        # A leg close before a wall may hang together with it: the wall's beams are taken out.
+        # A leg close before a wall may form one segment with it: take the wall's beams out.
         found = _cut(scans, points, hit & ~_near_lines(points, walls), outline)
     wall = _on_walls(found, points, walls)
     return replace(found, wall=wall).only(found.inside > 0.5), walls
@@ -138,7 +143,7 @@ def _cut(scans: Scans, points: Floats, hit: Bools, outline: Polygon) -> Segments
 
 
 def _within(points: Floats, outline: Polygon) -> Bools:
-    """Say which (..., 2) points lie in the outline grown by `_MARGIN`."""
+    """Tell which (..., 2) points lie in the outline grown by `_MARGIN`."""
     grown = outline.buffer(_MARGIN)
     x0, y0, x1, y1 = grown.bounds
     inside: Bools = (
@@ -159,7 +164,7 @@ def _sums(values: Floats, view: Ints, first: Ints, last: Ints) -> Floats:
 
 
 def _walls(found: Segments, points: Floats, outline: Polygon) -> Walls:
-    """Return the straight lines that lead on beyond the table by `_WALL_BEYOND`."""
+    """Return the straight lines that go on beyond the table by `_WALL_BEYOND`."""
     grown = outline.buffer(_MARGIN)
     beyond = outline.buffer(_WALL_BEYOND)
     start, end = points[found.view, found.first], points[found.view, found.last]
@@ -176,7 +181,7 @@ def _walls(found: Segments, points: Floats, outline: Polygon) -> Walls:
             along = (piece - centre) @ axes[0]
             if np.ptp(along) < _WALL_LENGTH:
                 continue
-            # A panel ends with the table; a wall leads on.
+            # A panel ends with the table; a wall goes on.
             outside = ~shapely.contains_xy(beyond, piece[:, 0], piece[:, 1])
             if outside.mean() * np.ptp(along) > 0.15:
                 if any(
@@ -200,7 +205,7 @@ def _on_walls(found: Segments, points: Floats, walls: Walls) -> Bools:
 
 
 def _near_lines(points: Floats, walls: Walls) -> Bools:
-    """Say which (V, B) beam ends lie on one of the lines."""
+    """Tell which (V, B) beam ends lie on one of the lines."""
     near = np.zeros(points.shape[:2], dtype=bool)
     for normal, offset in walls:
         with np.errstate(invalid="ignore"):

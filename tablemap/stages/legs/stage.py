@@ -35,14 +35,15 @@ def find_legs(
     config: LegsConfig,
     sensors: SensorsConfig,
 ) -> Legs:
-    """Find what carries the top: persistent silhouettes under it, each with a primitive.
+    """Find the legs that carry the top: persistent silhouettes under it, each with a primitive.
 
-    Takes the scans of all used stops at their registered poses and thinned ones of the drives;
-    what the depth camera saw under the top speaks for or against each, and alone where there is no
-    laser. Never raises for a lack of evidence: the warnings say so.
+    The silhouettes come from the scans of all used stops at their registered poses, and from
+    selected scans of the drives. The depth camera's views under the top add evidence for or against
+    each candidate; without a laser they are the only evidence. A lack of evidence does not raise:
+    the warnings say so.
     """
     warnings: list[ProcessWarning] = []
-    # A laser saw the legs from where it has itself; depth from where the fit of its edges has it.
+    # Poses by laser match its own scans; without a laser, the fit of the edges corrected the poses.
     corrected = {} if registration.source == "laser" else surface.map_from_base
     poses = {
         index: corrected.get(index, pose)
