@@ -75,6 +75,12 @@ class Figure(Part):
         description="its standard deviation, in the same unit; null where no covariance stands "
         "behind one",
     )
+    budget: dict[str, Variance] | None = Field(
+        default=None,
+        description="the parts of the variance by cause, in the unit squared; their sum is sigma "
+        "squared. Causes: noise, poses, drive_scale, depth, tilt, focal, mount, rim, level, shape, "
+        "share, other; null where they were not told apart",
+    )
 
 
 class Dimension(Figure):

@@ -237,6 +237,7 @@ def _surface(scene: Scene) -> rrb.Container:
                 visual_bounds=rrb.VisualBounds2D(x_range=(-65, 425), y_range=(-125, 150)),
             ),
             rrb.BarChartView(origin="/surface/residual_histogram_mm", name="Histogram (mm)"),
+            rrb.Spatial2DView(origin="/surface/budget", name="Where the sigma comes from"),
             rrb.TimeSeriesView(origin="/outline/height_mm", name="Height by view (mm)"),
         ),
     )

@@ -71,6 +71,7 @@ ENTITIES = {
     "/surface/residuals": "Points3D: edge points, blue inside to red outside",
     "/surface/unrolled/*": "2D plot of the residuals along the outline",
     "/surface/residual_histogram_mm": "BarChart",
+    "/surface/budget/*": "Boxes2D and Points2D: the parts of each figure's variance, named",
     "/legs/summary": "TextDocument: legs, and what was set aside with reasons",
     "/legs/evidence": "Points3D: scan points near the table",
     "/legs/NN/*": "points: Points3D of a leg; fit: LineStrips3D of its outline",

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import rerun as rr
 import shapely
 
 from tablemap.geometry import Floats, Pose2
 from tablemap.review import colours, text
+from tablemap.review.budget import bars
 from tablemap.review.clouds import closed, raised, thinned
 from tablemap.review.stream import Stream
 from tablemap.stages.outline import Outline, ViewEdges
 from tablemap.stages.segmentation import Label
-from tablemap.stages.surface import Surface, SurfaceEdge
+from tablemap.stages.surface import Figure, Surface, SurfaceEdge
 
 LIFT = 0.003
 RESIDUAL_LIMIT = 0.005
@@ -100,6 +103,7 @@ class Top:
                     labels=["touches the table"],
                 ),
             )
+        _log_budget(stream, {**surface.dimensions, "height": surface.height})
         for one in surface.candidates:
             name = f"{one.shape}: {one.score:.3f}"
             path = f"surface/candidates/{one.shape}"
@@ -208,5 +212,35 @@ def _log_unrolled(stream: Stream, surface: Surface) -> None:
             np.column_stack([PLOT_WIDTH * along, -scale * millimetres]),
             colors=colours.diverging(surface.residuals, RESIDUAL_LIMIT),
             radii=rr.Radius.ui_points(1.5),
+        ),
+    )
+
+
+def _log_budget(stream: Stream, figures: Mapping[str, Figure]) -> None:
+    """Draw one bar a figure: the parts of its variance, 100 units wide."""
+    drawn = bars(figures)
+    if not drawn:
+        return
+    parts = [(row, one) for row, bar in enumerate(drawn) for one in bar.stretches]
+    stream.log_flat(
+        "surface/budget/parts",
+        rr.Boxes2D(
+            mins=[(100 * one.start, 24 * row + 10) for row, one in parts],
+            sizes=[(100 * (one.end - one.start), 10) for _, one in parts],
+            colors=[one.colour for _, one in parts],
+            labels=[one.label or one.part for _, one in parts],
+            show_labels=False,
+        ),
+    )
+    named = [(row, one) for row, one in parts if one.label]
+    stream.log_flat(
+        "surface/budget/names",
+        rr.Points2D(
+            [(50 * (one.start + one.end), 24 * row + 15) for row, one in named]
+            + [(50, 24 * row + 4) for row in range(len(drawn))],
+            labels=[one.label for _, one in named] + [bar.title for bar in drawn],
+            radii=rr.Radius.ui_points(0.5),
+            colors=[colours.MUTED],
+            show_labels=True,
         ),
     )

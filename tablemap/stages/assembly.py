@@ -124,7 +124,11 @@ def _surface(surface: Surface) -> m.TableSurface:
             yaw=surface.pose.yaw,
             covariance=(rows[0], rows[1], rows[2]),
         ),
-        height=m.Figure(value=surface.height.value, sigma=surface.height.sigma),
+        height=m.Figure(
+            value=surface.height.value,
+            sigma=surface.height.sigma,
+            budget=surface.height.budget,
+        ),
         thickness=surface.thickness
         and m.Figure(value=surface.thickness.value, sigma=surface.thickness.sigma),
         dimensions={name: _dimension(figure) for name, figure in surface.dimensions.items()},
@@ -154,7 +158,9 @@ def _points(places: Floats) -> tuple[m.Point, ...]:
 
 
 def _dimension(figure: Figure) -> m.Dimension:
-    return m.Dimension(value=figure.value, sigma=figure.sigma, status=figure.status)
+    return m.Dimension(
+        value=figure.value, sigma=figure.sigma, status=figure.status, budget=figure.budget
+    )
 
 
 def _leg(leg: Leg) -> m.TableLeg:

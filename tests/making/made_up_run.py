@@ -519,7 +519,10 @@ def _surface(poses: tuple[Pose2, ...], rng: np.random.Generator) -> Surface:
     residuals = 0.0015 * rng.normal(size=800) + 0.002 * np.sin(np.linspace(0, 6, 800))
     angles = np.linspace(0, 2 * np.pi, 73)[:-1]
     oval = TABLE.apply(np.column_stack([0.62 * np.cos(angles), 0.45 * np.sin(angles)]))
-    dimensions = {"length": Figure(LENGTH, 0.002), "width": Figure(WIDTH, 0.0015, "inferred")}
+    dimensions = {
+        "length": Figure(LENGTH, 0.002, budget={"noise": 1e-6, "depth": 2e-6, "mount": 1e-6}),
+        "width": Figure(WIDTH, 0.0015, "inferred"),
+    }
     candidates = (
         filled(Primitive, "rectangle", TABLE, dimensions, corners, 410.0, 0.98, 0.97, residuals),
         filled(

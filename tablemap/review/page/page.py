@@ -13,7 +13,7 @@ from tablemap.events import OtherTable, RunFailed
 from tablemap.model import TableModel
 from tablemap.model.summary import summary_rows
 from tablemap.review.page.plan import plan
-from tablemap.review.page.plots import histogram, unrolled
+from tablemap.review.page.plots import histogram, unrolled, variance_bars
 from tablemap.stages.surface import Surface
 
 STYLE = """
@@ -95,6 +95,9 @@ def _model(model: TableModel, name: str, surface: Surface | None) -> Iterable[st
     rows = [row for row in summary_rows(model) if row[0] not in ("verdict", "warning")]
     yield _table((), [(name, text.replace("+-", "±")) for name, text in rows])
     yield f"<section><h2>From above</h2>{plan(model)}</section>"
+    drawn = variance_bars({**model.surface.dimensions, "height": model.surface.height})
+    if drawn:
+        yield f"<section><h2>Where the uncertainty comes from</h2>{drawn}</section>"
     yield "<h2>Sides</h2>"
     yield _table(
         ("side", "length", "status", "seen", "sigma"),

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import shapely
 
 from tablemap.geometry import Floats
+from tablemap.review.budget import Budgeted, bars
 from tablemap.stages.surface import Surface
 
 WIDTH, HEIGHT = 760.0, 200.0
@@ -81,6 +84,33 @@ def histogram(residuals: Floats) -> str:
         + f"<p>{len(finite)} edge points: half are within {half:.1f} mm, 95 % within {most:.1f} mm."
         "</p>"
     )
+
+
+def variance_bars(figures: Mapping[str, Budgeted]) -> str:
+    """Return one bar a figure that shows where its variance comes from."""
+    drawn = bars(figures)
+    if not drawn:
+        return ""
+    left, wide, tall = 190.0, WIDTH - 190.0, 26.0
+    content = ""
+    for row, bar in enumerate(drawn):
+        top = 6 + row * tall
+        content += (
+            f'<text x="{left - 8:.0f}" y="{top + 14:.0f}" text-anchor="end">{bar.title}</text>'
+        )
+        for one in bar.stretches:
+            x, length = left + wide * one.start, wide * (one.end - one.start)
+            colour = "rgb({}, {}, {})".format(*one.colour)
+            content += (
+                f'<rect x="{x:.1f}" y="{top:.1f}" width="{length:.1f}" height="19" '
+                f'fill="{colour}"><title>{one.part} {one.end - one.start:.0%}</title></rect>'
+            )
+            if one.label:
+                content += (
+                    f'<text x="{x + length / 2:.1f}" y="{top + 14:.1f}" '
+                    f'text-anchor="middle">{one.label}</text>'
+                )
+    return _svg("Where each figure's variance comes from", 12 + tall * len(drawn), content)
 
 
 def _height(millimetres: float | Floats) -> Floats:

@@ -34,6 +34,7 @@ class Evidence:
     view: (N,), snapshot of each point
     poses: (n, 3), x, y, yaw of all snapshots
     prior_root: (n * ViewCorrections.COUNT, m), times m independent unit normals: corrections
+    prior_sources: (m,), what each of these stands for, as `budget.PARTS` names it
     top, free: (c, 2), centres of cells of ``cell`` metres
     spacing_px: typical distance between neighbouring edge points of a view, pixels
     common_mean, common_precision: the prior of `CommonNuisances`, mean (c,) and precision (c, c)
@@ -52,6 +53,7 @@ class Evidence:
     is_near: Bools
     poses: Floats
     prior_root: Floats
+    prior_sources: tuple[str, ...]
     views: Ints
     view_slices: tuple[slice, ...]
     top: Floats
@@ -142,6 +144,7 @@ def gather(
     poses = poses - np.array([origin[0], origin[1], 0.0])
     top, free = _vote(views, poses, config)
     normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    root, sources = corrections_root(views, poses, registration, outline.camera, sensors)
     evidence = Evidence(
         origin=origin,
         in_base=in_base,
@@ -152,7 +155,8 @@ def gather(
         view=index,
         is_near=near.astype(bool),
         poses=poses,
-        prior_root=corrections_root(views, poses, registration, outline.camera, sensors),
+        prior_root=root,
+        prior_sources=sources,
         views=np.array([v.index for v in views], dtype=np.int64),
         view_slices=slices,
         top=top,

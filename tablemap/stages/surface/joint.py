@@ -174,11 +174,8 @@ def spread_of(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> Sprea
 
     The nuisances' block is eliminated first (Schur), so that the shape's is regular with the ridge.
     """
-    held = _hold(fit.state, evidence, config, config.loss_sigmas, fit.anchors, fit.noise)
-    hessian, _ = _equations(held, evidence, config.loss_sigmas, fit.anchors, fit.noise)
+    hessian = information_of(fit, evidence, config)
     size = len(fit.shape.parameters)
-    at = np.arange(size)
-    hessian[at, at] += _RIDGE
     coupling = hessian[:size, size:]
     reduced = hessian[:size, :size] - coupling @ np.linalg.solve(hessian[size:, size:], coupling.T)
     values, vectors = np.linalg.eigh((reduced + reduced.T) / 2)
@@ -190,6 +187,15 @@ def spread_of(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> Sprea
     variance = max(float(with_scale[scale]), 1e-18)
     by_scale = np.asarray(with_scale[:size] / variance, dtype=np.float64)
     return Spread(covariance, float(np.sqrt(variance)), by_scale)
+
+
+def information_of(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> Floats:
+    """Return the information matrix at a fit: shape, common nuisances, the views' corrections."""
+    held = _hold(fit.state, evidence, config, config.loss_sigmas, fit.anchors, fit.noise)
+    hessian, _ = _equations(held, evidence, config.loss_sigmas, fit.anchors, fit.noise)
+    at = np.arange(len(fit.shape.parameters))
+    hessian[at, at] += _RIDGE
+    return hessian
 
 
 # A gain in cost that is worth no further iteration: a tenth of a standard deviation.

@@ -77,8 +77,10 @@ def corrections_root(
     registration: Registration,
     camera: TopBelief | None,
     sensors: SensorsConfig,
-) -> Floats:
-    """Return the (n * ViewCorrections.COUNT, m) root of the views' corrections.
+) -> tuple[Floats, tuple[str, ...]]:
+    """Return the (n * ViewCorrections.COUNT, m) root of the views' corrections, and its sources.
+
+    The sources (m,) are the parts of a budget (`budget.PARTS`) that the columns stand for.
 
     Times m independent unit normals it gives corrections as uncertain, and as bound to each other,
     as is known. The poses' relative covariance has the mean pose in its null space: it stays where
@@ -103,8 +105,10 @@ def corrections_root(
     moved[:, :3, :-1] = pose_root.reshape(count, 3, -1)
     moved[:, :3, -1] = drive
     root = np.concatenate([moved, own], axis=2).reshape(size * count, -1)
-    kept: Floats = root[:, np.abs(root).max(axis=0) > 0]
-    return kept
+    sources = ["poses"] * pose_root.shape[1] + ["drive_scale"]
+    sources += ["depth", "tilt", "tilt", "tilt"] * len(views)
+    kept = np.abs(root).max(axis=0) > 0
+    return root[:, kept], tuple(s for s, keep in zip(sources, kept, strict=True) if keep)
 
 
 _OWN = 4  # of a view: how far its camera is from the top, roll, pitch and pan

@@ -13,12 +13,14 @@ class Figure:
     """A value with its standard deviation (None: nothing stands behind one).
 
     ``status`` is ``measured``, ``inferred`` (seen at one end, or by symmetry) or ``unseen`` (then
-    the value is a bound).
+    the value is a bound). ``budget`` are the parts of the variance by cause (see
+    `tablemap.stages.surface.budget`); their sum is sigma squared.
     """
 
     value: float
     sigma: float | None
     status: str = "measured"
+    budget: dict[str, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)

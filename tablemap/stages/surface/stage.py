@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from tablemap.errors import EstimationError, ProcessWarning
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.outline import Outline
 from tablemap.stages.registration import Registration
+from tablemap.stages.surface.budget import budget_of
 from tablemap.stages.surface.candidates import Candidate, fit_candidates, hull_of
 from tablemap.stages.surface.choice import contradicting_cells, weights
 from tablemap.stages.surface.evidence import Evidence, gather
@@ -52,7 +54,7 @@ def fit_surface(
         _primitive(candidate, score, evidence, config)
         for candidate, score in zip(standing + fallen, scores + [0.0] * len(fallen), strict=True)
     ]
-    figures, radius = _figures(chosen, config)
+    figures, radius = _budgeted(chosen, standing, scores, evidence, config)
     edges = _edges(chosen, evidence, config)
     return Surface(
         shape=chosen.name,
@@ -93,8 +95,14 @@ def _height(outline: Outline, chosen: Candidate) -> Figure:
     prior = camera.covariance[:2, :2]
     gain = float(prior[0, 1]) / max(float(prior[1, 1]), 1e-12)
     learnt = gain**2 * max(float(prior[1, 1]) - chosen.spread.scale_sigma**2, 0.0)
-    sigma = float(np.sqrt(max(outline.height_sigma**2 - learnt, 0.0)))
-    return Figure(outline.height + gain * chosen.fit.nuisances.scale, _finite(sigma))
+    depth = max(float(prior[0, 0]) - learnt, 0.0)
+    views = max(outline.height_sigma**2 - float(prior[0, 0]), 0.0)
+    sigma = _finite(float(np.sqrt(depth + views)))
+    return Figure(
+        outline.height + gain * chosen.fit.nuisances.scale,
+        sigma,
+        budget=None if sigma is None else {"noise": views, "depth": depth},
+    )
 
 
 def _finite(sigma: float | None) -> float | None:
@@ -155,6 +163,52 @@ def _figures(
         figures[name] = Figure(value, None if is_open else sigma, status[name])
     radius = figures.pop("corner_radius", None)
     return figures, radius
+
+
+def _budgeted(
+    chosen: Candidate,
+    standing: Sequence[Candidate],
+    scores: Sequence[float],
+    evidence: Evidence,
+    config: SurfaceConfig,
+) -> tuple[dict[str, Figure], Figure | None]:
+    """Return the figures of the chosen shape with the parts of their variance.
+
+    What the fit cannot know is added to its covariance: other shapes that explain the edges nearly
+    as well have other dimensions, and a side that was seen in part may go on otherwise.
+    """
+    figures, radius = _figures(chosen, config)
+    if not figures:
+        return figures, radius
+    fit = chosen.fit
+    names = list(fit.shape.describe()[1])
+    budgets = budget_of(fit, evidence, config, _derivative(fit.shape)[3:])
+    hidden = [1.0 / max(sight.fraction, 0.05) - 1.0 for sight in sights(fit)]
+    share = (_HIDDEN_M * float(np.mean(hidden))) ** 2
+    alternatives = [
+        (score, candidate.fit.shape.describe()[1])
+        for candidate, score in zip(standing, scores, strict=True)
+        if not candidate.is_hull
+    ]
+    result = {}
+    for name, figure in figures.items():
+        if figure.sigma is None:
+            result[name] = figure
+            continue
+        parts = budgets[names.index(name)]
+        parts["other"] = max(figure.sigma**2 - sum(parts.values()), 0.0)
+        parts["shape"] = sum(
+            score * (values[name] - figure.value) ** 2
+            for score, values in alternatives
+            if name in values
+        )
+        parts["share"] = share if name != fit.shape.record.angle else 0.0
+        sigma = float(np.sqrt(sum(parts.values())))
+        result[name] = replace(figure, sigma=sigma, budget=parts)
+    return result, radius
+
+
+_HIDDEN_M = 0.0005  # metres that a side may bend unseen, for as much again as was seen of it
 
 
 def _unbounded(fit: JointFit) -> bool:
