@@ -14,20 +14,20 @@ from tablemap.paths import AnyPath
 SCHEMA = "tablemap/truth/1"
 
 
-class Part(BaseModel):
+class TruthPart(BaseModel):
     """A part of the truth: frozen; fields that a reader does not know are ignored."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 
 
-class Tolerance(Part):
+class Tolerance(TruthPart):
     """How well the truth itself is known, in metres."""
 
     dimensions: float = Field(default=0.0, description="metres by which the lengths may be off")
     height: float = Field(default=0.0, description="metres by which the height may be off")
 
 
-class TrueSurface(Part):
+class TrueSurface(TruthPart):
     """The top. ``dimensions`` are named as in table.json; ``angle`` in radians."""
 
     shape: ShapeName = Field(description="name of the shape")
@@ -60,7 +60,7 @@ class TrueSurface(Part):
     )
 
 
-class TrueLeg(Part):
+class TrueLeg(TruthPart):
     """A leg at the laser's height."""
 
     shape: SectionName = Field(description="name of its cross-section")
@@ -75,7 +75,7 @@ class TrueLeg(Part):
     )
 
 
-class TrueSnapshot(Part):
+class TrueSnapshot(TruthPart):
     """Where the base was, and the share of the top's area that the image shows unhidden.
 
     ``rest`` numbers the times at which the head rested; images of one rest show the same.
@@ -95,7 +95,7 @@ class TrueSnapshot(Part):
     )
 
 
-class Sensor(Part):
+class Sensor(TruthPart):
     """The sensors' injected errors: a factor on every depth, radians, a factor on every range."""
 
     depth_scale: float | None = Field(
@@ -113,7 +113,7 @@ class Sensor(Part):
     )
 
 
-class Truth(Part):
+class Truth(TruthPart):
     """Everything that is known of a recording, in its map frame."""
 
     frame: str = Field(default="map", description="TF frame of every pose and point")

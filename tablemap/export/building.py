@@ -11,7 +11,7 @@ import shapely
 from tablemap.config import ExportConfig
 from tablemap.errors import ProcessWarning, TablemapError
 from tablemap.export.rings import ellipse_ring, rectangle_ring
-from tablemap.export.solid import Box, Cylinder, Part, Prism, Solid
+from tablemap.export.solid import Box, Cylinder, Prism, Solid, SolidPart
 from tablemap.geometry import Floats, Pose2
 from tablemap.model import TableLeg, TableModel, TableSurface
 from tablemap.model.shapes import shape_named
@@ -61,7 +61,7 @@ def build(
         map_from_table=pose,
         height=height,
         thickness=thickness,
-        top=Part("top", shape, Pose2(), height - thickness / 2),
+        top=SolidPart("top", shape, Pose2(), height - thickness / 2),
         legs=_legs(model.legs, pose, height - thickness),
     )
     return solid, tuple(warnings)
@@ -103,7 +103,7 @@ def _simple_ring(points: Floats) -> tuple[Floats, bool]:
     return np.array(polygon.exterior.coords, dtype=np.float64)[:-1], not valid
 
 
-def _legs(legs: tuple[TableLeg, ...], pose: Pose2, height: float) -> tuple[Part, ...]:
+def _legs(legs: tuple[TableLeg, ...], pose: Pose2, height: float) -> tuple[SolidPart, ...]:
     """Return the legs, from the floor to the top's underside at ``height``."""
     if height < 1e-4:
         return ()
@@ -121,7 +121,7 @@ def _legs(legs: tuple[TableLeg, ...], pose: Pose2, height: float) -> tuple[Part,
         place = pose.inverse() @ Pose2(leg.x, leg.y, leg.yaw)
         if isinstance(shape, Cylinder):
             place = Pose2(place.x, place.y)
-        parts.append(Part(f"leg_{number}", shape, place, height / 2))
+        parts.append(SolidPart(f"leg_{number}", shape, place, height / 2))
     return tuple(parts)
 
 

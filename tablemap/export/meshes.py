@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import trimesh
 
-    from tablemap.export.solid import Part, Solid
+    from tablemap.export.solid import Solid, SolidPart
     from tablemap.geometry import Floats
 
 
-def part_mesh(part: Part) -> trimesh.Trimesh:
+def part_mesh(part: SolidPart) -> trimesh.Trimesh:
     """Return the part as a watertight mesh in the table's frame, metres, z up."""
     import shapely
     from trimesh.creation import extrude_polygon

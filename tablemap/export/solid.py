@@ -39,7 +39,7 @@ class Prism:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class SolidPart:
     """The top or a leg: ``place`` in the table's frame, ``z`` the height of its middle, metres."""
 
     name: str
@@ -75,10 +75,10 @@ class Solid:
     map_from_table: Pose2
     height: float
     thickness: float
-    top: Part
-    legs: tuple[Part, ...]
+    top: SolidPart
+    legs: tuple[SolidPart, ...]
 
     @property
-    def parts(self) -> tuple[Part, ...]:
+    def parts(self) -> tuple[SolidPart, ...]:
         """The top, then the legs."""
         return (self.top, *self.legs)

@@ -69,7 +69,7 @@ class Side(Protocol):
         """Metres, across it; None where nothing is known of it."""
 
 
-class Top(Protocol):
+class PlacedTop(Protocol):
     """A table's top as its model has it."""
 
     @property
@@ -86,7 +86,7 @@ class Top(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class _Outline:
+class _KnownOutline:
     """The outline as known, in the table's frame.
 
     - ``ring``: (M, 2) metres, counter-clockwise
@@ -105,7 +105,9 @@ class _Outline:
     open_normals: Floats
 
 
-def probability_on_top(top: Top, x: ArrayLike, y: ArrayLike, *, frame: Frame = "map") -> Floats:
+def probability_on_top(
+    top: PlacedTop, x: ArrayLike, y: ArrayLike, *, frame: Frame = "map"
+) -> Floats:
     """Return the probability that points are on the top, seen from above; NaN where unknown.
 
     ``x`` and ``y`` are metres in the map or in the table's own frame (origin at the pose, x along
@@ -135,7 +137,7 @@ def probability_on_top(top: Top, x: ArrayLike, y: ArrayLike, *, frame: Frame = "
     return result.reshape(xs.shape)
 
 
-def _between(outline: _Outline, points: Floats, covariance: Floats) -> Floats:
+def _between(outline: _KnownOutline, points: Floats, covariance: Floats) -> Floats:
     """Return the share inside the outline; NaN where its bounds tell different things."""
     if not np.isfinite(covariance).all():
         return np.full(len(points), np.nan)
@@ -146,7 +148,7 @@ def _between(outline: _Outline, points: Floats, covariance: Floats) -> Floats:
     return np.where(most - least > UNKNOWN_ABOVE, np.nan, (least + most) / 2)
 
 
-def _outline(top: Top, pose: Pose2) -> _Outline:
+def _outline(top: PlacedTop, pose: Pose2) -> _KnownOutline:
     to_table = pose.inverse()
     ring = to_table.apply(np.array(top.outline, dtype=np.float64).reshape(-1, 2))
     polygon = shapely.orient_polygons(shapely.Polygon(ring)) if len(ring) > 2 else shapely.Polygon()
@@ -155,7 +157,7 @@ def _outline(top: Top, pose: Pose2) -> _Outline:
     if len(ring) == 0 or not sides:
         nothing = np.zeros((0, 2))
         empty = shapely.Polygon()
-        return _Outline(nothing, np.zeros(0), np.zeros(0, np.int64), empty, empty, nothing)
+        return _KnownOutline(nothing, np.zeros(0), np.zeros(0, np.int64), empty, empty, nothing)
     middles = shapely.points((ring + np.roll(ring, -1, axis=0)) / 2)
     lines = np.array([shapely.LineString(side) for side in sides])
     side = np.argmin(shapely.distance(middles[:, None], lines[None]), axis=1)
@@ -163,7 +165,7 @@ def _outline(top: Top, pose: Pose2) -> _Outline:
     stated = [edge.sigma for edge in top.edges if edge.sigma and edge.status != "unseen"]
     usual = float(np.median(stated)) if stated else LEAST_SIGMA
     sigma = np.array([_sigma(edge, usual) for edge in top.edges])[side]
-    whole = _Outline(ring, sigma, side, polygon, polygon, np.zeros((0, 2)))
+    whole = _KnownOutline(ring, sigma, side, polygon, polygon, np.zeros((0, 2)))
     return _bounded(whole, top.edges, polygon, extent)
 
 
@@ -173,8 +175,8 @@ def _sigma(edge: Side, usual: float) -> float:
 
 
 def _bounded(
-    whole: _Outline, edges: Sequence[Side], polygon: shapely.Polygon, extent: float
-) -> _Outline:
+    whole: _KnownOutline, edges: Sequence[Side], polygon: shapely.Polygon, extent: float
+) -> _KnownOutline:
     """Add what the top is at least and at most, where sides were not seen or have no sigma."""
     if any(edge.sigma is None and edge.status != "unseen" for edge in edges):
         # A hull in place of a shape: it may cover what is none, and end before the top does.
@@ -194,7 +196,7 @@ def _bounded(
     return replace(whole, inner=inner, outer=outer, open_normals=np.array(normals).reshape(-1, 2))
 
 
-def _unseen_runs(whole: _Outline, edges: Sequence[Side]) -> list[Ints]:
+def _unseen_runs(whole: _KnownOutline, edges: Sequence[Side]) -> list[Ints]:
     """Return the segments of unseen sides, neighbours together."""
     unseen = np.array([edges[k].status == "unseen" for k in whole.side])
     if unseen.all():
@@ -231,7 +233,7 @@ def _swept(ring: Floats, run: Ints, distance: float) -> shapely.Geometry:
     return shapely.MultiPoint(np.concatenate(corners)).convex_hull
 
 
-def _side_covariance(outline: _Outline, points: Floats) -> Floats:
+def _side_covariance(outline: _KnownOutline, points: Floats) -> Floats:
     """Return (N, 2, 2): the nearest side's variance across it, the next nearest's along it."""
     ring, count = outline.ring, len(points)
     if len(ring) == 0 or count == 0:
@@ -251,7 +253,7 @@ def _side_covariance(outline: _Outline, points: Floats) -> Floats:
     return np.asarray(across + beside)
 
 
-def _pose_covariance(pose: PlacedPose, outline: _Outline, points: Floats) -> Floats:
+def _pose_covariance(pose: PlacedPose, outline: _KnownOutline, points: Floats) -> Floats:
     """Return (N, 2, 2): how the pose's covariance moves points in the table's frame.
 
     Beside a side that nothing bounds the pose, a centroid, is as unknown as the side: the place

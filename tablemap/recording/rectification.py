@@ -107,7 +107,7 @@ def _has_projection(info: CameraInfo) -> bool:
 
 
 @dataclass(frozen=True)
-class Window:
+class PixelWindow:
     """Which pixels of a calibrated image of a ``size`` another one shows: a part of it, scaled."""
 
     size: tuple[int, int]
@@ -127,7 +127,7 @@ class Window:
         return seen
 
 
-def fitting_window(info: CameraInfo, width: int, height: int) -> Window:
+def fitting_window(info: CameraInfo, width: int, height: int) -> PixelWindow:
     """Return which part of the calibrated image an image of ``width`` x ``height`` pixels shows.
 
     The region of interest and the binning are heeded where the image has their size, as
@@ -137,10 +137,10 @@ def fitting_window(info: CameraInfo, width: int, height: int) -> Window:
     """
     size = (info.width, info.height)
     if min(size) <= 0:
-        return Window((width, height))  # the size was left out
+        return PixelWindow((width, height))  # the size was left out
     regions = [(0, 0, *size)] if info.roi is None else [info.roi, (0, 0, *size)]
     exact = [
-        Window(size, float(left), float(top), 1 / across, 1 / down)
+        PixelWindow(size, float(left), float(top), 1 / across, 1 / down)
         for left, top, wide, high in regions
         for across, down in dict.fromkeys(((1, 1), info.binning))
         if abs(wide / across - width) < 1 and abs(high / down - height) < 1
@@ -148,13 +148,13 @@ def fitting_window(info: CameraInfo, width: int, height: int) -> Window:
     if info.binning != (1, 1) and (width, height) == size:
         by_x, by_y = info.binning
         sensor = (width * by_x, height * by_y)
-        exact.append(Window(sensor, 0.0, 0.0, 1 / by_x, 1 / by_y))
+        exact.append(PixelWindow(sensor, 0.0, 0.0, 1 / by_x, 1 / by_y))
     if exact:
         return min(exact, key=lambda window: _off_centre(window.seen(info.k), width, height))
     for region in regions:
         scale, other = width / region[2], height / region[3]
         if abs(scale - other) <= 0.01 * max(scale, other):
-            return Window(size, float(region[0]), float(region[1]), scale, scale)
+            return PixelWindow(size, float(region[0]), float(region[1]), scale, scale)
     shown = f", of which it shows {info.roi[2]} x {info.roi[3]}" if info.roi is not None else ""
     raise RecordingError(
         f"The depth image has {width} x {height} pixels, its calibration is for {info.width} x "

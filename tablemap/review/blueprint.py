@@ -14,13 +14,13 @@ from tablemap.review.eyes import (
     of_table,
     round_table,
 )
-from tablemap.review.stream import FEW_STOPS, Scene
+from tablemap.review.stream import FEW_STOPS, DrawnScene
 
 QUIET_LEGEND = rrb.PlotLegend(visible=False)
 Contents = rrb.View | rrb.Container
 
 
-def blueprint(scene: Scene) -> rrb.Blueprint:
+def blueprint(scene: DrawnScene) -> rrb.Blueprint:
     """Return the layout, its eyes placed by what is known of the scene so far.
 
     A run that failed has tabs for the stages that began alone: the others have nothing to show.
@@ -66,7 +66,7 @@ def _plot(origin: str, name: str) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=QUIET_LEGEND)
 
 
-def _overview(scene: Scene) -> rrb.Container:
+def _overview(scene: DrawnScene) -> rrb.Container:
     shown = [
         "/model/**",
         "/surface/beside",
@@ -110,7 +110,7 @@ def _overview(scene: Scene) -> rrb.Container:
     return _beside("Overview", 1.7, space, *right)
 
 
-def _quiet(scene: Scene) -> dict[rr.datatypes.EntityPath | str, Override]:
+def _quiet(scene: DrawnScene) -> dict[rr.datatypes.EntityPath | str, Override]:
     """Return what lets the model stand out: one colour for scans and clutter, thin paths."""
     quiet: dict[rr.datatypes.EntityPath | str, Override] = {
         "/model/uncertainty": rrb.EntityBehavior(visible=False),
@@ -124,7 +124,7 @@ def _quiet(scene: Scene) -> dict[rr.datatypes.EntityPath | str, Override]:
     return quiet
 
 
-def _views(scene: Scene) -> rrb.Container:
+def _views(scene: DrawnScene) -> rrb.Container:
     shown = [
         "/camera/**",
         "/segmentation/points",
@@ -161,7 +161,7 @@ def _views(scene: Scene) -> rrb.Container:
     )
 
 
-def _odometry(scene: Scene) -> rrb.Container:
+def _odometry(scene: DrawnScene) -> rrb.Container:
     shown = ["/odometry/scan", "/odometry/local_map", "/trajectory/**", "- /trajectory/registered"]
     return _beside(
         "Odometry",
@@ -173,7 +173,7 @@ def _odometry(scene: Scene) -> rrb.Container:
     )
 
 
-def _registration(scene: Scene) -> rrb.Container:
+def _registration(scene: DrawnScene) -> rrb.Container:
     stops = "/registration/stops"
     after = ["/registration/after/**", "/registration/graph_in_map/**", stops]
     before = ["/registration/before/**", "/registration/localised_stops"]
@@ -196,7 +196,7 @@ def _registration(scene: Scene) -> rrb.Container:
     )
 
 
-def _pairs(scene: Scene) -> rrb.Container:
+def _pairs(scene: DrawnScene) -> rrb.Container:
     return _beside(
         "Pairs",
         2.0,
@@ -208,7 +208,7 @@ def _pairs(scene: Scene) -> rrb.Container:
     )
 
 
-def _surface(scene: Scene) -> rrb.Container:
+def _surface(scene: DrawnScene) -> rrb.Container:
     edges = [
         "/outline/edges/**",
         "/surface/chosen",
@@ -243,7 +243,7 @@ def _surface(scene: Scene) -> rrb.Container:
     )
 
 
-def _legs(scene: Scene) -> rrb.Container:
+def _legs(scene: DrawnScene) -> rrb.Container:
     shown = ["/legs/**", f"/surface/candidates/{scene.shape}", "/model/legs/**"]
     return _beside(
         "Legs",
@@ -253,7 +253,7 @@ def _legs(scene: Scene) -> rrb.Container:
     )
 
 
-def _table(number: int, scene: Scene) -> rrb.Container:
+def _table(number: int, scene: DrawnScene) -> rrb.Container:
     """Return what there is of a table beside the chosen one."""
     below = f"/tables/{number:02d}"
     shown = [

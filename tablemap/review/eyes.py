@@ -10,7 +10,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from tablemap.review.pairs import FRAME
-from tablemap.review.stream import Scene
+from tablemap.review.stream import DrawnScene
 
 ROUND = 2.3
 """Distance of the eye, in multiples of what it shows, for a view of the stops round the table."""
@@ -28,7 +28,7 @@ Override = rrb.EntityBehavior | rr.LineStrips3D | rr.Points3D
 
 
 def round_table(
-    scene: Scene,
+    scene: DrawnScene,
     name: str,
     contents: list[str],
     *,
@@ -43,14 +43,14 @@ def round_table(
 
 
 def of_table(
-    scene: Scene, name: str, contents: list[str], *, steepness: float, reach: float = NEAR
+    scene: DrawnScene, name: str, contents: list[str], *, steepness: float, reach: float = NEAR
 ) -> rrb.Spatial3DView:
     """Return a 3D view of the table alone; see `_space`."""
     place = scene.centre or (0.0, 0.0)
     return _space(scene, name, contents, place, reach * scene.extent, steepness)
 
 
-def of_pairs(scene: Scene, name: str) -> rrb.Spatial3DView:
+def of_pairs(scene: DrawnScene, name: str) -> rrb.Spatial3DView:
     """Return the view of all aligned pairs side by side, from above."""
     height = ABOVE * (scene.pairs_reach or 1.0)
     return rrb.Spatial3DView(
@@ -67,7 +67,7 @@ def of_pairs(scene: Scene, name: str) -> rrb.Spatial3DView:
     )
 
 
-def between_stops(scene: Scene) -> float:
+def between_stops(scene: DrawnScene) -> float:
     """Return how far aside (radians) the eye stands, so that no stop hides the table."""
     x, y = scene.centre or (0.0, 0.0)
     seen = [math.atan2(pose.y - y, pose.x - x) for pose in scene.localised]
@@ -79,7 +79,7 @@ def between_stops(scene: Scene) -> float:
     return float(aside[np.argmax(gaps)])
 
 
-def _middle(scene: Scene) -> tuple[float, float]:
+def _middle(scene: DrawnScene) -> tuple[float, float]:
     """Return the place that a view of the stops round the table looks at."""
     stops = [(pose.x, pose.y) for pose in scene.localised]
     if scene.centre is None:
@@ -94,7 +94,7 @@ def _middle(scene: Scene) -> tuple[float, float]:
     return float(middle[0]), float(middle[1])
 
 
-def _surround(scene: Scene) -> float:
+def _surround(scene: DrawnScene) -> float:
     """Return how far from the middle the table and the stops reach, within reason (metres)."""
     if not scene.localised:
         return 2 * scene.extent
@@ -107,7 +107,7 @@ def _surround(scene: Scene) -> float:
 
 
 def _space(
-    scene: Scene,
+    scene: DrawnScene,
     name: str,
     contents: list[str],
     place: tuple[float, float],

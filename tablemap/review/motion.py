@@ -15,7 +15,7 @@ TRAJECTORY_HEIGHT = 0.02
 MAP_CELLS = 2
 
 
-class Motion:
+class MotionDrawing:
     """Draws the odometry; it thins its scans over sensor time."""
 
     def __init__(self) -> None:

@@ -16,12 +16,12 @@ from tablemap.review import progress, sensors, story, supports
 from tablemap.review.alignment import Alignment
 from tablemap.review.blueprint import blueprint
 from tablemap.review.crosscheck import log_cross_check
-from tablemap.review.motion import Motion
+from tablemap.review.motion import MotionDrawing
 from tablemap.review.perception import Perception
 from tablemap.review.solid import log_model
 from tablemap.review.stream import Stream
 from tablemap.review.tables import Tables
-from tablemap.review.top import Top
+from tablemap.review.top import TopDrawing
 from tablemap.stages.calibration import Calibration
 from tablemap.stages.crosscheck import CrossCheck
 from tablemap.stages.legs import Legs
@@ -49,7 +49,12 @@ class Reviewer:
     ) -> None:
         self._stream = Stream(path, run_id=run_id, recording_name=recording_name, config=config)
         self._warned: set[ProcessWarning] = set()
-        perception, motion, alignment, top = Perception(), Motion(), Alignment(), Top()
+        perception, motion, alignment, top = (
+            Perception(),
+            MotionDrawing(),
+            Alignment(),
+            TopDrawing(),
+        )
         tables = Tables()
 
         def draw_registration(stream: Stream, registration: Registration) -> None:

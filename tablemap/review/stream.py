@@ -30,7 +30,7 @@ _abandoned: list[rr.RecordingStream] = []
 
 
 @dataclass
-class Scene:
+class DrawnScene:
     """What later results need of earlier ones to be drawn: small, whatever the recording's length.
 
     ``stamps_ns`` and ``localised`` are the snapshots' by index, ``tops`` and ``clutter`` their
@@ -60,7 +60,7 @@ class Scene:
     stages: list[tuple[str, float | None]] = field(default_factory=list)
     reached: set[str] = field(default_factory=set)
     failed: bool = False
-    tables: dict[int, Scene] = field(default_factory=dict)
+    tables: dict[int, DrawnScene] = field(default_factory=dict)
     pairs_reach: float | None = None
 
     def snapshot_at(self, stamp_ns: int) -> int:
@@ -82,7 +82,7 @@ class Stream:
     ) -> None:
         self.path = path
         self.config = config
-        self.scene = Scene()
+        self.scene = DrawnScene()
         self.stage = 0
         self._below = ""
         self._frames: dict[str, str] = {}
@@ -132,7 +132,7 @@ class Stream:
         self.rec.set_time("iteration", sequence=0)
 
     @contextmanager
-    def within(self, path: str, scene: Scene) -> Iterator[None]:
+    def within(self, path: str, scene: DrawnScene) -> Iterator[None]:
         """Let what is logged in this context stand below an entity, and be about another scene."""
         outer = self._below, self.scene
         self._below, self.scene = f"{path}/", scene

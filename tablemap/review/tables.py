@@ -13,9 +13,9 @@ from tablemap.geometry import Pose2
 from tablemap.review import colours, story
 from tablemap.review.crosscheck import log_cross_check
 from tablemap.review.solid import log_model
-from tablemap.review.stream import Scene, Stream
+from tablemap.review.stream import DrawnScene, Stream
 from tablemap.review.supports import log_legs
-from tablemap.review.top import Top
+from tablemap.review.top import TopDrawing
 from tablemap.stages.crosscheck import CrossCheck
 from tablemap.stages.legs import Legs
 from tablemap.stages.outline import Outline
@@ -27,7 +27,7 @@ class Tables:
 
     def __init__(self) -> None:
         self._poses: tuple[Pose2, ...] = ()
-        self._scenes: dict[int, Scene] = {}
+        self._scenes: dict[int, DrawnScene] = {}
         self._places: dict[int, dict[type, Callable[[Stream, Any], None]]] = {}
 
     def take_poses(self, poses: tuple[Pose2, ...]) -> None:
@@ -59,11 +59,11 @@ class Tables:
             message = f"table {other.number:02d} has no model: {other.outcome}"
             stream.log_flat("log", rr.TextLog(message, level="INFO"))
 
-    def _scene(self, stream: Stream, number: int) -> Scene:
+    def _scene(self, stream: Stream, number: int) -> DrawnScene:
         """Return what is known round a table: its own place and shape, all else as it is."""
         if number not in self._scenes:
             self._scenes[number] = replace(stream.scene, shape="", tables={})
-            top = Top()
+            top = TopDrawing()
             top.take_poses(self._poses)
             self._places[number] = {
                 Outline: top.log_outline,

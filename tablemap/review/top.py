@@ -27,7 +27,7 @@ HISTOGRAM_BINS = 41
 ALL_SEEN = 0.995
 
 
-class Top:
+class TopDrawing:
     """Draws outline and surface; it keeps the edges until the poses that place them are known."""
 
     def __init__(self) -> None:

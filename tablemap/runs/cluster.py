@@ -36,7 +36,7 @@ _one_at_a_time = threading.Lock()
 
 
 @dataclass(frozen=True)
-class _Task:
+class _ClusterTask:
     """A recording for a worker: the runs that it had before, and the batch that it is of."""
 
     number: int
@@ -89,10 +89,12 @@ class _Batch:
         self._cancelled = Event(f"{batch}-cancelled", client=client)
         self._ended: queue.SimpleQueue[Future[Outcome]] = queue.SimpleQueue()
         client.subscribe_topic(batch, self._hear)
-        self._waiting: dict[Future[Outcome], _Task] = {}
+        self._waiting: dict[Future[Outcome], _ClusterTask] = {}
         for number, recording in enumerate(recordings):
             known = frozenset(run.manifest.run_id for run in runs_of(recording, job.output))
-            task = _Task(number, recording.resolved(), job, known, batch, _source(versions()))
+            task = _ClusterTask(
+                number, recording.resolved(), job, known, batch, _source(versions())
+            )
             future = client.submit(_process, task, key=f"{batch}-{number}", pure=False)
             self._waiting[future] = task
         for future in list(self._waiting):
@@ -117,14 +119,14 @@ class _Batch:
         number, stage, index = event[1]
         self._progress(self._recordings[number], StageStarted(stage, index))
 
-    def _outcome(self, future: Future[Outcome], task: _Task) -> Outcome:
+    def _outcome(self, future: Future[Outcome], task: _ClusterTask) -> Outcome:
         try:
             outcome: Outcome = future.result(timeout=GRACE_SECONDS)
         except Exception as error:  # whatever it is, the other recordings go on
             return self._failed(task, _sentence(error, task))
         return replace(outcome, recording=self._recordings[task.number])
 
-    def _failed(self, task: _Task, error: str) -> Outcome:
+    def _failed(self, task: _ClusterTask, error: str) -> Outcome:
         left = mark_lost(task.recording, task.job.output, error, known=task.known)
         recording = self._recordings[task.number]
         return Outcome(recording, left[0] if left else None, "failed", error, None)
@@ -153,7 +155,7 @@ class _Batch:
             mark_lost(task.recording, task.job.output, "interrupted", known=task.known)
 
 
-def _process(task: _Task) -> Outcome:
+def _process(task: _ClusterTask) -> Outcome:
     """Process one recording (in a worker)."""
     from distributed import Event, get_worker
 
@@ -187,7 +189,7 @@ def _process(task: _Task) -> Outcome:
             return interrupted
 
 
-def _sentence(error: Exception, task: _Task) -> str:
+def _sentence(error: Exception, task: _ClusterTask) -> str:
     from distributed import KilledWorker
 
     if isinstance(error, KilledWorker):

@@ -8,7 +8,7 @@ from tablemap.geometry import Floats, Pose2
 from tablemap.stages.outline import EdgeKind, Outline, ViewEdges
 from tablemap.stages.registration.depth.check import Checked, check_views
 from tablemap.stages.registration.depth.edges import table_edges
-from tablemap.stages.registration.graph import Edge
+from tablemap.stages.registration.graph import GraphEdge
 
 VIEWS = 8
 
@@ -89,11 +89,11 @@ def moved(poses: Floats, which: list[int], step: Pose2) -> Floats:
     return result
 
 
-def chain(poses: Floats, sigma: float = 0.03) -> list[Edge]:
+def chain(poses: Floats, sigma: float = 0.03) -> list[GraphEdge]:
     """Tie each view to the one before it where ``poses`` have them."""
     information = np.diag(1 / np.square([sigma, sigma, sigma]))
     return [
-        Edge(
+        GraphEdge(
             i,
             i - 1,
             Pose2.from_array(poses[i - 1]).inverse() @ Pose2.from_array(poses[i]),

@@ -13,7 +13,7 @@ from tablemap.export.registry import Format
 
 if TYPE_CHECKING:
     from tablemap.config import ExportConfig
-    from tablemap.export.solid import Part, Solid
+    from tablemap.export.solid import Solid, SolidPart
 
 
 def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
@@ -50,7 +50,7 @@ def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
     return {f"{solid.name}.geojson": (json.dumps(document, ensure_ascii=False) + "\n").encode()}
 
 
-def _feature(solid: Solid, part: Part, properties: dict[str, Any]) -> dict[str, Any]:
+def _feature(solid: Solid, part: SolidPart, properties: dict[str, Any]) -> dict[str, Any]:
     import numpy as np
 
     ring = np.round(solid.map_from_table.apply(part.ring()), 6)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from tablemap.export.meshes import part_mesh
 from tablemap.export.registry import Format
-from tablemap.export.solid import Box, Cylinder, Part, Prism, Solid
+from tablemap.export.solid import Box, Cylinder, Prism, Solid, SolidPart
 from tablemap.export.text import ANGLE_DECIMALS, number, numbers
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def _object_pose(solid: Solid) -> Pose:
     return pose.x, pose.y, solid.model.floor_z, pose.yaw
 
 
-def _part_pose(part: Part) -> Pose:
+def _part_pose(part: SolidPart) -> Pose:
     """Return the shape's pose in the table's frame; a mesh's vertices are in it already."""
     if isinstance(part.shape, Prism):
         return 0.0, 0.0, 0.0, 0.0
@@ -105,7 +105,7 @@ def _message(solid: Solid, meshes: dict[str, trimesh.Trimesh]) -> dict[str, Any]
     }
 
 
-def _primitive(part: Part) -> dict[str, Any]:
+def _primitive(part: SolidPart) -> dict[str, Any]:
     match part.shape:
         case Cylinder(radius, height):
             return {"type": CYLINDER, "dimensions": [round(height, 6), round(radius, 6)]}

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element
 
 from tablemap.export.registry import Format
-from tablemap.export.solid import Box, Cylinder, Part, Prism, Solid
+from tablemap.export.solid import Box, Cylinder, Prism, Solid, SolidPart
 from tablemap.export.text import child, number, numbers, pose_text, xml_bytes
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def model_element(solid: Solid) -> tuple[Element, Element]:
     return root, model
 
 
-def _add_link(model: Element, part: Part, z: float) -> None:
+def _add_link(model: Element, part: SolidPart, z: float) -> None:
     link = child(model, "link", name=part.name)
     child(link, "pose", pose_text(part.place.x, part.place.y, z, part.place.yaw))
     for kind in ("collision", "visual"):

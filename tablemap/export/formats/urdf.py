@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Element
 
 from tablemap.export.meshes import part_mesh
 from tablemap.export.registry import Format
-from tablemap.export.solid import Box, Cylinder, Part, Prism, Solid
+from tablemap.export.solid import Box, Cylinder, Prism, Solid, SolidPart
 from tablemap.export.text import ANGLE_DECIMALS, child, number, numbers, xml_bytes
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def _link_name(solid: Solid) -> str:
     return solid.name if solid.name != solid.model.frame else f"{solid.name}_link"
 
 
-def _mesh_name(solid: Solid, part: Part) -> str:
+def _mesh_name(solid: Solid, part: SolidPart) -> str:
     return f"{solid.name}_{part.name}.stl"
 
 

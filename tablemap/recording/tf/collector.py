@@ -12,7 +12,7 @@ from tablemap.config import LimitsConfig
 from tablemap.errors import RecordingError
 from tablemap.geometry import Floats
 from tablemap.recording.messages import TransformStamped
-from tablemap.recording.tf.frames import Edge, TransformTree
+from tablemap.recording.tf.frames import TransformEdge, TransformTree
 from tablemap.recording.tf.tracks import (
     STATIC_METRES,
     STATIC_RADIANS,
@@ -133,7 +133,7 @@ class TransformCollector:
         more = f" and of {len(shown) - 3} more frames" if len(shown) > 3 else ""
         return ", ".join(shown[:3]) + more
 
-    def _edge(self, key: tuple[str, str], senders: dict[_Sender, _Samples]) -> Edge | None:
+    def _edge(self, key: tuple[str, str], senders: dict[_Sender, _Samples]) -> TransformEdge | None:
         moving: list[Track] = []
         static: list[Track] = []
         for sender, samples in sorted(senders.items(), key=lambda each: each[1].latest):
@@ -151,7 +151,7 @@ class TransformCollector:
         # Of several samples with one stamp the first counts, as in tf2.
         stamps, first = np.unique(track.stamps_ns, return_index=True)
         places, turns = track.poses[first, :3], track.poses[first, 3:]
-        return Edge(*key, stamps, places, turns, _conflict(key, source))
+        return TransformEdge(*key, stamps, places, turns, _conflict(key, source))
 
 
 def _sound(samples: _Samples) -> tuple[Track, int]:
@@ -171,7 +171,7 @@ def _by_stamp(track: Track) -> Track:
     return Track(track.stamps_ns[order], track.poses[order])
 
 
-def _static_edge(key: tuple[str, str], tracks: list[Track]) -> Edge:
+def _static_edge(key: tuple[str, str], tracks: list[Track]) -> TransformEdge:
     """Return an edge that never moves: of several values the last counts, as in tf2."""
     latest = tracks[-1]
     poses: Floats = np.concatenate([track.poses for track in tracks])
@@ -179,7 +179,7 @@ def _static_edge(key: tuple[str, str], tracks: list[Track]) -> Edge:
     different = metres > STATIC_METRES or radians > STATIC_RADIANS
     conflict = Conflict(*key, 2, metres, radians) if different else None
     pose = latest.poses[-1:]
-    return Edge(*key, latest.stamps_ns[-1:], pose[:, :3], pose[:, 3:], conflict)
+    return TransformEdge(*key, latest.stamps_ns[-1:], pose[:, :3], pose[:, 3:], conflict)
 
 
 def _conflict(key: tuple[str, str], source: Separated) -> Conflict | None:

@@ -20,7 +20,7 @@ import numpy as np
 from tablemap.config import TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.geometry import Floats
-from tablemap.recording.tf.frames import Edge, Stamps, TransformTree
+from tablemap.recording.tf.frames import Stamps, TransformEdge, TransformTree
 
 MAX_TILT = np.radians(5.0)
 MAX_RISE = 0.10
@@ -179,7 +179,7 @@ def _carries(tree: TransformTree, names: FrameNames, laser: str) -> bool:
     return _belongs(tree, names, laser)
 
 
-def _is_driven(edge: Edge) -> bool:
+def _is_driven(edge: TransformEdge) -> bool:
     return not edge.is_static and bool(
         np.ptp(edge.translations[:, :2], axis=0).max() > _DRIVEN_METRES
     )

@@ -30,7 +30,7 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class Edge:
+class TransformEdge:
     """``parent_from_child`` over time: (n,) stamps ascending, (n, 3) metres, (n, 4) xyzw.
 
     ``conflict`` tells that other sources sent the edge too, and sent it differently.
@@ -86,9 +86,9 @@ class Edge:
 class TransformTree:
     """The edges of a recording, by child and parent."""
 
-    def __init__(self, edges: Iterable[Edge], limits: LimitsConfig | None = None) -> None:
+    def __init__(self, edges: Iterable[TransformEdge], limits: LimitsConfig | None = None) -> None:
         self._limits = limits or LimitsConfig()
-        self.edges: dict[str, list[Edge]] = {}
+        self.edges: dict[str, list[TransformEdge]] = {}
         for edge in edges:
             self.edges.setdefault(edge.child, []).append(edge)
 
@@ -98,13 +98,13 @@ class TransformTree:
         parents = {edge.parent for edges in self.edges.values() for edge in edges}
         return tuple(sorted(parents | set(self.edges)))
 
-    def chain(self, frame: str) -> list[Edge]:
+    def chain(self, frame: str) -> list[TransformEdge]:
         """Return the edges from a frame up to its root.
 
         Raises `RecordingError` where a frame on the way has several parents or is its own ancestor,
         or where the way is longer than the limits allow.
         """
-        edges: list[Edge] = []
+        edges: list[TransformEdge] = []
         seen = {frame}
         while frame in self.edges:
             choices = self.edges[frame]
@@ -144,7 +144,7 @@ class TransformTree:
         except RecordingError:
             return False
 
-    def path(self, target: str, source: str) -> tuple[list[Edge], list[Edge]]:
+    def path(self, target: str, source: str) -> tuple[list[TransformEdge], list[TransformEdge]]:
         """Return the edges up from the target, and up from the source, to where they meet.
 
         Raises `RecordingError` where the frames are not in one tree.
@@ -185,7 +185,7 @@ class TransformTree:
             valid &= covered
         return (_inverses(back) @ poses if up_target else np.array(poses)), valid
 
-    def moving_edges(self, target: str, source: str) -> list[Edge]:
+    def moving_edges(self, target: str, source: str) -> list[TransformEdge]:
         """Return the edges between two frames that change over time."""
         up_target, up_source = self.path(target, source)
         return [edge for edge in (*up_target, *up_source) if not edge.is_static]

@@ -19,7 +19,7 @@ from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.geometry import Floats
 from tablemap.recording.messages import TransformStamped
 from tablemap.recording.tf.frame_roles import BASE_NAMES, FIXED_NAMES, ODOM_NAMES
-from tablemap.recording.tf.frames import Edge, Stamps, TransformTree
+from tablemap.recording.tf.frames import Stamps, TransformEdge, TransformTree
 
 _STEP_NS = 1_000_000  # how long before the next correction the last one still holds
 
@@ -54,7 +54,7 @@ class PoseTrack:
 def with_extrinsics(tree: TransformTree, given: Sequence[TransformStamped]) -> TransformTree:
     """Return the tree with what was given of frames whose place it does not know itself."""
     new = [
-        Edge(
+        TransformEdge(
             each.parent_frame,
             each.child_frame,
             np.zeros(1, dtype=np.int64),
@@ -129,7 +129,7 @@ def _hung(tree: TransformTree, track: PoseTrack, child: str) -> TransformTree:
     if not len(stamps):
         return tree
     turns = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
-    return _with(tree, Edge(track.frame, root, stamps, poses[:, :3, 3], turns))
+    return _with(tree, TransformEdge(track.frame, root, stamps, poses[:, :3, 3], turns))
 
 
 def _held(stamps: Stamps, first: int, last: int) -> tuple[Stamps, NDArray[np.int64]]:
@@ -161,7 +161,7 @@ def _carrier(tree: TransformTree, camera: str) -> str:
     return tree.root(camera) if camera in tree.frames else camera
 
 
-def _with(tree: TransformTree, *edges: Edge) -> TransformTree:
+def _with(tree: TransformTree, *edges: TransformEdge) -> TransformTree:
     return TransformTree([*(edge for each in tree.edges.values() for edge in each), *edges])
 
 

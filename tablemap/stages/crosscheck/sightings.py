@@ -25,7 +25,7 @@ _STEEPEST = 0.3  # cosine of the look down on a leg under which columns smear
 
 
 @dataclass(frozen=True, eq=False)
-class _Sighting:
+class _LegSighting:
     """One leg in one view, in the base: n tangents (two sides) and depths."""
 
     points: Floats
@@ -69,7 +69,7 @@ def leg_rows(
 
 
 def _rows(
-    seen: _Sighting, snapshot: Snapshot, pose: Pose2, place: Floats, position_sigma: float
+    seen: _LegSighting, snapshot: Snapshot, pose: Pose2, place: Floats, position_sigma: float
 ) -> Rows:
     turn = pose.rotation
     count = len(seen.distance)
@@ -89,7 +89,7 @@ def _rows(
     )
 
 
-def _sighted(snapshot: Snapshot, pose: Pose2, leg: Leg, height: float) -> _Sighting | None:
+def _sighted(snapshot: Snapshot, pose: Pose2, leg: Leg, height: float) -> _LegSighting | None:
     """Find the leg in one depth image; None where it is not whole or does not stand upright."""
     camera = snapshot.camera
     eye = snapshot.base_from_camera[:2, 3]
@@ -157,7 +157,7 @@ def _sighted(snapshot: Snapshot, pose: Pose2, leg: Leg, height: float) -> _Sight
         distances.append(distance)
         variances.append(0.001**2 + spread**2 / _LEAST_ROWS)
         biases.append(bias_row("depth of legs", np.array([normal @ sight])))
-    return _Sighting(
+    return _LegSighting(
         np.array(places),
         np.array(normals),
         np.array(distances),

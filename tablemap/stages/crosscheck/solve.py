@@ -23,7 +23,7 @@ _FREEDOM = 0.05  # metres: the outline is nearly free
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class MountingSolution:
     """What the comparisons say of camera and laser.
 
     - ``asked``: (4,) metres forward and left, radians of yaw, and the factor less one that mends
@@ -47,7 +47,7 @@ def solve(
     pose_covariance: Floats,
     far_bias_sigma: float,
     sensors: SensorsConfig,
-) -> Solution:
+) -> MountingSolution:
     """Robust least squares over offset, scales, shared biases, freedoms and poses.
 
     ``pose_covariance`` (3n, 3n) is the registration's; ``far_bias_sigma`` (metres) what far edges
@@ -92,7 +92,7 @@ def solve(
         if settled:
             break
     covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
-    return Solution(state[:ASKED], covariance[:ASKED, :ASKED])
+    return MountingSolution(state[:ASKED], covariance[:ASKED, :ASKED])
 
 
 def _design(rows: Rows, present: np.ndarray) -> Floats:

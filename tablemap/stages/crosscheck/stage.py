@@ -19,7 +19,7 @@ from tablemap.stages.crosscheck.edges import edge_rows
 from tablemap.stages.crosscheck.result import CrossCheck, Estimate
 from tablemap.stages.crosscheck.rows import Rows, together
 from tablemap.stages.crosscheck.sightings import leg_rows
-from tablemap.stages.crosscheck.solve import Solution, prior_sigmas, solve
+from tablemap.stages.crosscheck.solve import MountingSolution, prior_sigmas, solve
 from tablemap.stages.legs import Leg
 from tablemap.stages.outline import Outline
 from tablemap.stages.registration import Registration
@@ -37,7 +37,7 @@ class _Arms:
     ahead: float
     reach: float
 
-    def at_table(self, solution: Solution) -> tuple[Floats, Floats]:
+    def at_table(self, solution: MountingSolution) -> tuple[Floats, Floats]:
         """Return what an offset does at the table, forward and leftward, and its sigmas."""
         effect = np.array([[1.0, 0.0, 0.0, -self.reach], [0.0, 1.0, self.ahead, 0.0]])
         sigma = np.sqrt(np.diag(effect @ solution.covariance @ effect.T))
@@ -76,7 +76,7 @@ def cross_check(
     set_back = sensors.rim_set_back if outline.is_dull else 0.0
     far = float(np.hypot(sensors.edge_bias_sigma, set_back))
 
-    def solved(rows: Rows) -> Solution:
+    def solved(rows: Rows) -> MountingSolution:
         return solve(rows, registration.covariance, far, sensors)
 
     arms = _arms(rows)
@@ -142,7 +142,7 @@ def _disagreement(first: Estimate | None, second: Estimate | None) -> float:
     return max(1.0, float(np.sqrt(apart.mean())))
 
 
-def _excess(solution: Solution, sensors: SensorsConfig) -> float:
+def _excess(solution: MountingSolution, sensors: SensorsConfig) -> float:
     """Return how many times larger than assumed mounting and scale errors are (Birge's ratio)."""
     assumed = np.array([sensors.laser_mounting_sigma] * 2 + [sensors.laser_mounting_yaw_sigma, 0.0])
     assumed[3] = sensors.laser_range_scale_sigma_wide
@@ -159,7 +159,7 @@ def _excess(solution: Solution, sensors: SensorsConfig) -> float:
 def _warning(
     at_table: Floats,
     sigma: Floats,
-    solution: Solution,
+    solution: MountingSolution,
     arms: _Arms,
     sightings: int,
     told: bool,

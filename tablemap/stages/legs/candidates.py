@@ -14,7 +14,7 @@ from tablemap.stages.legs.clusters import Cluster, Persistence, find_clusters, p
 from tablemap.stages.legs.depth import Reach, reach
 from tablemap.stages.legs.evidence import (
     STOP_POSITION_SIGMA,
-    Evidence,
+    LegEvidence,
     gather_evidence,
     thinned,
 )
@@ -49,13 +49,13 @@ _LEAST_FOR_A_LEG = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
+class LegCandidate:
     """A cluster with its own fits by kind. ``reason`` says why it is no leg (None: it is one)."""
 
     cluster: Cluster
     place: Floats
     points: Floats
-    evidence: Evidence | None
+    evidence: LegEvidence | None
     fits: dict[ShapeRecord, Fit]
     stayed: Persistence
     reach: Reach
@@ -83,7 +83,7 @@ def find_candidates(
     *,
     config: LegsConfig,
     sensors: SensorsConfig,
-) -> tuple[list[Candidate], Floats, Walls]:
+) -> tuple[list[LegCandidate], Floats, Walls]:
     """Return all clusters under or near the top, the thinned evidence (n, 2) in the map, walls."""
     points = beam_points(scans)
     segments, walls = find_segments(scans, points, frame.polygon)
@@ -104,13 +104,13 @@ def _judged(
     frame: Frame,
     config: LegsConfig,
     sensors: SensorsConfig,
-) -> Candidate:
+) -> LegCandidate:
     members = np.zeros(len(segments), dtype=bool)
     members[cluster.members] = True
     own = segments.only(members)
     ends = points[own.view, (own.first + own.last) // 2]
     radius = 0.5 * cluster.size
-    found = Candidate(
+    found = LegCandidate(
         cluster, cluster.centre, ends, None, {}, Persistence(0, 0, 0), Reach(0, 0), None
     )
     if frame.is_beside(cluster.centre):
@@ -143,7 +143,7 @@ def _judged(
 
 def _own_fits(
     cluster: Cluster,
-    evidence: Evidence,
+    evidence: LegEvidence,
     frame: Frame,
     sensors: SensorsConfig,
 ) -> dict[ShapeRecord, Fit]:
@@ -167,7 +167,7 @@ def _own_fits(
     }
 
 
-def _objection(found: Candidate, frame: Frame, config: LegsConfig) -> str | None:
+def _objection(found: LegCandidate, frame: Frame, config: LegsConfig) -> str | None:
     """Return the reason that by itself rules a candidate out, None if there is none."""
     stayed, size = found.stayed, found.size
     seen = stayed.hit + stayed.passed
@@ -194,7 +194,7 @@ def _objection(found: Candidate, frame: Frame, config: LegsConfig) -> str | None
     return None
 
 
-def judge(candidates: list[Candidate], frame: Frame) -> list[Candidate]:
+def judge(candidates: list[LegCandidate], frame: Frame) -> list[LegCandidate]:
     """Weigh the layout and depth of all candidates, and give a reason to each that is no leg."""
     candidates = _without_fragments(candidates)
     alive = [i for i, candidate in enumerate(candidates) if candidate.reason is None]
@@ -273,7 +273,7 @@ class _Signs:
         return "neither its place nor the depth camera tell it from clutter"
 
 
-def _without_fragments(candidates: list[Candidate]) -> list[Candidate]:
+def _without_fragments(candidates: list[LegCandidate]) -> list[LegCandidate]:
     """Reject candidates that overlap one with more evidence: they are pieces of its silhouette."""
 
     def weight(i: int) -> int:

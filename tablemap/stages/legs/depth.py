@@ -12,7 +12,7 @@ from shapely.geometry import Polygon
 
 from tablemap.config import LegsConfig, SensorsConfig
 from tablemap.geometry import Floats, Pose2, invert, transform
-from tablemap.stages.legs.evidence import Evidence
+from tablemap.stages.legs.evidence import LegEvidence
 from tablemap.stages.legs.silhouettes import WALL_DISTANCE, Walls
 from tablemap.stages.snapshots import Snapshot
 
@@ -50,7 +50,7 @@ class Post:
 
     centre: Floats
     size: float
-    evidence: Evidence
+    evidence: LegEvidence
     points: Floats
     views: int
     filled: float
@@ -219,7 +219,7 @@ def _post(
         collected.append(own[:, :2])
     if not sigmas:
         return None
-    evidence = Evidence(
+    evidence = LegEvidence(
         normal=np.array(normals),
         point=np.array(points),
         range=np.zeros(len(sigmas)),

@@ -19,7 +19,7 @@ _MOVING_YAW_SIGMA = 0.001  # radians
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
+class LegEvidence:
     """N tangents and M mean depths of segments, to which a leg's primitive is fitted.
 
     All places are metres in the map. Of the tangents:
@@ -59,14 +59,14 @@ class Evidence:
         return len(np.unique(np.concatenate([self.group, self.hit_group])))
 
 
-def thinned(evidence: Evidence, tangents: int) -> Evidence:
+def thinned(evidence: LegEvidence, tangents: int) -> LegEvidence:
     """Return about ``tangents`` tangents, evenly chosen, and the depths of as many segments."""
     keep = np.arange(0, len(evidence.sigma), max(1, len(evidence.sigma) // tangents))
     rows = np.arange(0, len(evidence.hit_sigma), max(1, len(evidence.hit_sigma) // tangents))
     index = np.full(len(evidence.hit_sigma), -1)
     index[rows] = np.arange(len(rows))
     hits = index[evidence.row] >= 0
-    return Evidence(
+    return LegEvidence(
         normal=evidence.normal[keep],
         point=evidence.point[keep],
         range=evidence.range[keep],
@@ -82,7 +82,9 @@ def thinned(evidence: Evidence, tangents: int) -> Evidence:
     )
 
 
-def gather_evidence(scans: Scans, points: Floats, chosen: Segments, members: Segments) -> Evidence:
+def gather_evidence(
+    scans: Scans, points: Floats, chosen: Segments, members: Segments
+) -> LegEvidence:
     """Turn one leg's segments into tangents and depths.
 
     ``members`` are all segments of the thing, and ``chosen`` are those to use. An end whose
@@ -136,7 +138,7 @@ def gather_evidence(scans: Scans, points: Floats, chosen: Segments, members: Seg
         + np.where(moving, _MOVING_POSITION_SIGMA**2, 0.0)
     )
     middle = points[solid.view, (solid.first + solid.last) // 2]
-    return Evidence(
+    return LegEvidence(
         normal=normal,
         point=point,
         range=reach,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tablemap.geometry import Floats
 from tablemap.model.shapes import ShapeRecord
 from tablemap.robust import reduced_chi_square
-from tablemap.stages.legs.evidence import Evidence
+from tablemap.stages.legs.evidence import LegEvidence
 from tablemap.stages.legs.primitives import has_yaw, sizes_of, support, surface_distance
 
 _CAUCHY = 2.5
@@ -71,7 +71,7 @@ class Fit:
 
 def fit_shapes(
     kind: ShapeRecord,
-    evidence: list[Evidence],
+    evidence: list[LegEvidence],
     start: Floats,
     *,
     priors: Priors,
@@ -170,7 +170,7 @@ def fit_shapes(
 
 
 @dataclass(frozen=True, eq=False)
-class _Rows:
+class _LegRows:
     """One leg's linearised residuals.
 
     - ``residual``, ``sigma``: (n,) metres
@@ -193,11 +193,11 @@ def _linearised(
     kind: ShapeRecord,
     x: Floats,
     own: NDArray[np.int64],
-    evidence: Evidence,
+    evidence: LegEvidence,
     beam: int,
     groups: int,
     depths: bool,
-) -> _Rows:
+) -> _LegRows:
     values = x[own]
     h, slope = support(kind, values, evidence.normal)
     residual = np.einsum("ij,ij->i", evidence.normal, evidence.point - values[:2]) - h
@@ -226,7 +226,7 @@ def _linearised(
     if groups:
         offsets = x[beam + 2 :].reshape(-1, 3)[group]
         residual = residual + np.einsum("ij,ij->i", pose, offsets)
-    return _Rows(residual, sigma, slope, pose, group, tangents, unexplained)
+    return _LegRows(residual, sigma, slope, pose, group, tangents, unexplained)
 
 
 def _pose_slope(normal: Floats, lever: Floats) -> Floats:
@@ -240,7 +240,7 @@ def _pose_slope(normal: Floats, lever: Floats) -> Floats:
 def _add(
     normal: Floats,
     gradient: Floats,
-    rows: _Rows,
+    rows: _LegRows,
     own: NDArray[np.int64],
     poses: int,
     groups: int,
@@ -266,7 +266,7 @@ def _add(
 
 def fit_alone(
     kind: ShapeRecord,
-    evidence: Evidence,
+    evidence: LegEvidence,
     centre: Floats,
     size: float,
     yaw: float,
@@ -286,7 +286,7 @@ def fit_alone(
 
 
 def _at_yaw(
-    kind: ShapeRecord, evidence: Evidence, centre: Floats, yaw: float
+    kind: ShapeRecord, evidence: LegEvidence, centre: Floats, yaw: float
 ) -> tuple[float, Floats]:
     """Fit place and sizes at a fixed yaw to the tangents alone: these are linear in both.
 

@@ -9,7 +9,7 @@ from shapely.geometry import Point
 
 from tablemap.config import LegsConfig
 from tablemap.geometry import Floats
-from tablemap.stages.legs.candidates import Candidate
+from tablemap.stages.legs.candidates import LegCandidate
 from tablemap.stages.legs.clusters import persistence
 from tablemap.stages.legs.depth import Reach
 from tablemap.stages.legs.layout import Frame, symmetric_sets
@@ -24,7 +24,7 @@ _SYMMETRY_SIGMA = 0.01  # metres: real legs stand off their symmetric places by 
 
 def infer_missing(
     legs: list[Leg],
-    candidates: list[Candidate],
+    candidates: list[LegCandidate],
     scans: Scans | None,
     looked: Callable[[Floats, float], Reach],
     frame: Frame,

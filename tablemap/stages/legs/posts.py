@@ -9,7 +9,7 @@ import numpy as np
 from tablemap.config import SensorsConfig
 from tablemap.geometry import Floats
 from tablemap.model.shapes import CIRCLE, SQUARE
-from tablemap.stages.legs.candidates import UNDER_ANOTHER, Candidate
+from tablemap.stages.legs.candidates import UNDER_ANOTHER, LegCandidate
 from tablemap.stages.legs.clusters import persistence
 from tablemap.stages.legs.depth import Post
 from tablemap.stages.legs.evidence import STOP_POSITION_SIGMA
@@ -34,7 +34,7 @@ class _Fitted:
 def accept_posts(
     posts: list[Post],
     legs: list[Leg],
-    candidates: list[Candidate],
+    candidates: list[LegCandidate],
     scans: Scans | None,
     frame: Frame,
     *,

@@ -11,8 +11,8 @@ from tablemap.config import SensorsConfig
 from tablemap.geometry import Floats, wrap_angles
 from tablemap.model.shapes import CIRCLE, RECTANGLE, SQUARE, ShapeRecord
 from tablemap.robust import reduced_chi_square
-from tablemap.stages.legs.candidates import Candidate
-from tablemap.stages.legs.evidence import Evidence
+from tablemap.stages.legs.candidates import LegCandidate
+from tablemap.stages.legs.evidence import LegEvidence
 from tablemap.stages.legs.fit import Fit, Priors, criterion, fit_shapes
 from tablemap.stages.legs.layout import Frame
 from tablemap.stages.legs.primitives import described, has_yaw, sizes_of
@@ -34,7 +34,7 @@ _LEAST = 0.2  # of an assumed sigma: equal residuals must not make it zero
 
 
 def refine(
-    accepted: list[Candidate],
+    accepted: list[LegCandidate],
     scans: Scans | None,
     registration: Registration,
     frame: Frame,
@@ -87,9 +87,9 @@ def _pose_covariance(scans: Scans, registration: Registration) -> Floats:
     return covariance
 
 
-def _alike(accepted: list[Candidate]) -> list[list[Candidate]]:
+def _alike(accepted: list[LegCandidate]) -> list[list[LegCandidate]]:
     """Group candidates whose own sizes agree."""
-    groups: list[list[Candidate]] = []
+    groups: list[list[LegCandidate]] = []
     for candidate in sorted(accepted, key=lambda c: -len(c.evidence.sigma) if c.evidence else 0):
         size, sigma = _diameter(candidate)
         for group in groups:
@@ -104,13 +104,13 @@ def _alike(accepted: list[Candidate]) -> list[list[Candidate]]:
     return groups
 
 
-def _diameter(candidate: Candidate) -> tuple[float, float]:
+def _diameter(candidate: LegCandidate) -> tuple[float, float]:
     kind = CIRCLE if CIRCLE in candidate.fits else RECTANGLE
     fit = candidate.fits[kind]
     return float(fit.parameters[0, 2]), float(np.sqrt(fit.covariance[0, 2, 2]))
 
 
-def _weighted(evidence: list[Evidence], fit: Fit, scans: Scans) -> list[Evidence]:
+def _weighted(evidence: list[LegEvidence], fit: Fit, scans: Scans) -> list[LegEvidence]:
     """Return the evidence with sigmas scaled to the residuals, separately for stops and drives.
 
     The sigma of a tangent was assumed, from the beams' spacing, their spot and the interpolation of
@@ -143,8 +143,8 @@ def _robust_scale(misfit: Floats) -> float:
 
 
 def _best(
-    group: list[Candidate],
-    evidence: list[Evidence],
+    group: list[LegCandidate],
+    evidence: list[LegEvidence],
     kinds: tuple[ShapeRecord, ...],
     information: Floats,
     frame: Frame,
@@ -202,7 +202,7 @@ def _ordered(values: Floats) -> Floats:
 
 
 def _systematic(
-    candidate: Candidate, registration: Registration, frame: Frame, sensors: SensorsConfig
+    candidate: LegCandidate, registration: Registration, frame: Frame, sensors: SensorsConfig
 ) -> float:
     """Return the systematic error of a leg's place against the table, metres.
 
@@ -217,7 +217,7 @@ def _systematic(
 
 
 def _leg(
-    fit: Fit, row: int, candidate: Candidate, systematic: float, size_systematic: float
+    fit: Fit, row: int, candidate: LegCandidate, systematic: float, size_systematic: float
 ) -> Leg:
     values, covariance = fit.parameters[row], fit.covariance[row]
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))

@@ -10,7 +10,7 @@ from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats, Pose2
 from tablemap.model.outlines import simple_polygon
 from tablemap.recording import Recording
-from tablemap.stages.legs.candidates import Candidate, find_candidates, judge
+from tablemap.stages.legs.candidates import LegCandidate, find_candidates, judge
 from tablemap.stages.legs.depth import Reach, find_posts, reach
 from tablemap.stages.legs.layout import Frame, is_two_tables
 from tablemap.stages.legs.missing import infer_missing
@@ -59,7 +59,7 @@ def find_legs(
         scans = _usable_scans(
             recording, snapshots, registration, frame, poses, config, sensors, warnings
         )
-        candidates: list[Candidate] = []
+        candidates: list[LegCandidate] = []
         evidence: Floats = np.zeros((0, 2))
         walls: Walls = []
         if scans is not None:

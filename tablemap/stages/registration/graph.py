@@ -19,7 +19,7 @@ _TINY = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Edge:
+class GraphEdge:
     """A measured relative pose of two nodes.
 
     - ``target_from_source``: the measured pose of the source in the target's frame
@@ -37,7 +37,7 @@ class Edge:
 
 
 @dataclass(frozen=True, eq=False)
-class Anchor:
+class GraphAnchor:
     """The localised pose of a node, with ``information`` (3, 3) in the map."""
 
     index: int
@@ -65,8 +65,8 @@ class GraphSolution:
 
 def solve_graph(
     initial: Floats,
-    edges: Sequence[Edge],
-    anchors: Sequence[Anchor],
+    edges: Sequence[GraphEdge],
+    anchors: Sequence[GraphAnchor],
     *,
     yaw_scale_sigma: float = 0.03,
 ) -> GraphSolution:
@@ -96,24 +96,24 @@ def solve_graph(
     return GraphSolution(poses, edge_weights, anchor_weights, covariance, scale)
 
 
-def edge_errors(poses: Floats, edges: Sequence[Edge]) -> Floats:
+def edge_errors(poses: Floats, edges: Sequence[GraphEdge]) -> Floats:
     """Return (e, 3): the residuals of the edges at ``poses`` (n, 3), metres and radians."""
     return _edge_terms(poses, 0.0, edges, 1.0)[0]
 
 
-def edge_weights(poses: Floats, edges: Sequence[Edge]) -> Floats:
+def edge_weights(poses: Floats, edges: Sequence[GraphEdge]) -> Floats:
     """Return (e,): the robust weight in [0, 1] of each edge at ``poses`` (n, 3)."""
     return _edge_terms(poses, 0.0, edges, 1.0)[1]
 
 
-def edge_error(poses: Floats, edge: Edge) -> Floats:
+def edge_error(poses: Floats, edge: GraphEdge) -> Floats:
     """Return (3,): the residual of the edge at ``poses`` (n, 3), metres and radians."""
     error, _ = _edge_terms(poses, 0.0, [edge], 1.0)
     return np.asarray(error[0], dtype=np.float64)
 
 
 def _edge_terms(
-    poses: Floats, scale: float, edges: Sequence[Edge], factor: float
+    poses: Floats, scale: float, edges: Sequence[GraphEdge], factor: float
 ) -> tuple[Floats, Floats]:
     if not edges:
         return np.zeros((0, 3)), np.zeros(0)
@@ -135,7 +135,9 @@ def _edge_terms(
     return error, _weights(error, edges, factor)
 
 
-def _anchor_terms(poses: Floats, anchors: Sequence[Anchor], factor: float) -> tuple[Floats, Floats]:
+def _anchor_terms(
+    poses: Floats, anchors: Sequence[GraphAnchor], factor: float
+) -> tuple[Floats, Floats]:
     if not anchors:
         return np.zeros((0, 3)), np.zeros(0)
     at = poses[[anchor.index for anchor in anchors]]
@@ -144,7 +146,9 @@ def _anchor_terms(poses: Floats, anchors: Sequence[Anchor], factor: float) -> tu
     return error, _weights(error, anchors, factor)
 
 
-def _weights(error: Floats, terms: Sequence[Edge] | Sequence[Anchor], factor: float) -> Floats:
+def _weights(
+    error: Floats, terms: Sequence[GraphEdge] | Sequence[GraphAnchor], factor: float
+) -> Floats:
     information = np.stack([term.information for term in terms])
     squared = np.einsum("ni,nij,nj->n", error, information, error)
     limit = np.array([np.inf if t.robust is None else t.robust for t in terms]) * factor
@@ -155,8 +159,8 @@ def _weights(error: Floats, terms: Sequence[Edge] | Sequence[Anchor], factor: fl
 def _normal_equations(
     poses: Floats,
     scale: float,
-    edges: Sequence[Edge],
-    anchors: Sequence[Anchor],
+    edges: Sequence[GraphEdge],
+    anchors: Sequence[GraphAnchor],
     yaw_scale_sigma: float,
     factor: float,
 ) -> tuple[Floats, Floats]:
@@ -180,7 +184,7 @@ def _normal_equations(
     return system, gradient
 
 
-def edge_jacobians(poses: Floats, edges: Sequence[Edge]) -> tuple[Floats, NDArray[np.int64]]:
+def edge_jacobians(poses: Floats, edges: Sequence[GraphEdge]) -> tuple[Floats, NDArray[np.int64]]:
     """Return the derivatives (e, 3, 7) of the edges' residuals, and their columns (e, 7).
 
     The columns are x, y, yaw of the source, then of the target, and last the yaw scale.

@@ -10,7 +10,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial import cKDTree
 
 from tablemap.geometry import Floats, Pose2, wrap_angles
-from tablemap.stages.registration.graph import Edge, accumulate, edge_errors, edge_jacobians
+from tablemap.stages.registration.graph import GraphEdge, accumulate, edge_errors, edge_jacobians
 from tablemap.stages.registration.result import StopScan
 
 _ITERATIONS_A_GATE = 6
@@ -42,7 +42,7 @@ def polish(
     stops: Sequence[StopScan | None],
     poses: Floats,
     pairs: Sequence[tuple[int, int]],
-    edges: Sequence[Edge],
+    edges: Sequence[GraphEdge],
     *,
     gates: Sequence[float],
     kernel: float,
@@ -163,7 +163,7 @@ def _add_priors(
     gradient: Floats,
     poses: Floats,
     bias: float,
-    edges: Sequence[Edge],
+    edges: Sequence[GraphEdge],
     bias_sigma: float,
 ) -> None:
     if edges:

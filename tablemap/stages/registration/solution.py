@@ -11,7 +11,7 @@ from tablemap.config import SensorsConfig
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.odometry import Odometry
-from tablemap.stages.registration.graph import Anchor, Edge, edge_error
+from tablemap.stages.registration.graph import GraphAnchor, GraphEdge, edge_error
 from tablemap.stages.registration.result import Pair, PoseSource, StopCheck
 from tablemap.stages.snapshots import Snapshot
 
@@ -33,7 +33,7 @@ class Solution:
     warnings: tuple[ProcessWarning, ...]
 
 
-def odometry_edges(snapshots: Sequence[Snapshot], odometry: Odometry) -> list[Edge]:
+def odometry_edges(snapshots: Sequence[Snapshot], odometry: Odometry) -> list[GraphEdge]:
     """Tie each snapshot to the one before by the odometry; a longer way makes a looser tie."""
     edges = []
     trajectory = odometry.trajectory
@@ -42,7 +42,7 @@ def odometry_edges(snapshots: Sequence[Snapshot], odometry: Odometry) -> list[Ed
         step = trajectory.at(before).inverse() @ trajectory.at(now)
         information = np.linalg.inv(odometry.covariance_between(before, now))
         edges.append(
-            Edge(
+            GraphEdge(
                 source=i,
                 target=i - 1,
                 target_from_source=step,
@@ -54,7 +54,9 @@ def odometry_edges(snapshots: Sequence[Snapshot], odometry: Odometry) -> list[Ed
     return edges
 
 
-def localisation_anchors(snapshots: Sequence[Snapshot], sensors: SensorsConfig) -> list[Anchor]:
+def localisation_anchors(
+    snapshots: Sequence[Snapshot], sensors: SensorsConfig
+) -> list[GraphAnchor]:
     """Bind each snapshot loosely to its localised pose; a pose that has jumped loses its weight.
 
     A pose counts less if its recorded covariance is larger than the assumed one.
@@ -67,7 +69,9 @@ def localisation_anchors(snapshots: Sequence[Snapshot], sensors: SensorsConfig) 
         return np.diag(1.0 / sigma**2)
 
     return [
-        Anchor(i, snapshot.map_from_base, information(snapshot.localised_sigma), _ANCHOR_ROBUST)
+        GraphAnchor(
+            i, snapshot.map_from_base, information(snapshot.localised_sigma), _ANCHOR_ROBUST
+        )
         for i, snapshot in enumerate(snapshots)
     ]
 
@@ -83,10 +87,10 @@ def floored(information: Floats, sigma: tuple[float, float, float]) -> Floats:
 
 def pair_edges(
     pairs: Sequence[Pair], *, sigma: tuple[float, float, float], robust: float
-) -> list[Edge]:
+) -> list[GraphEdge]:
     """Return aligned pairs as edges of the graph, none with a smaller sigma than ``sigma``."""
     return [
-        Edge(
+        GraphEdge(
             pair.source,
             pair.target,
             pair.target_from_source,
@@ -109,7 +113,7 @@ def judge_pair(pair: Pair, weight: float | None, poses: Floats) -> Pair:
     if weight > _USED_WEIGHT:
         return pair
     error = edge_error(
-        poses, Edge(pair.source, pair.target, pair.target_from_source, pair.information)
+        poses, GraphEdge(pair.source, pair.target, pair.target_from_source, pair.information)
     )
     reason = (
         f"disagrees with the others by {1e3 * np.hypot(error[0], error[1]):.0f} mm "
@@ -118,7 +122,7 @@ def judge_pair(pair: Pair, weight: float | None, poses: Floats) -> Pair:
     return replace(pair, used=False, reason=reason)
 
 
-def odometry_pairs(edges: Sequence[Edge], weights: Floats) -> list[Pair]:
+def odometry_pairs(edges: Sequence[GraphEdge], weights: Floats) -> list[Pair]:
     """Report the odometry's edges among the pairs; edges that the graph dropped are not used."""
     pairs = []
     for edge, weight in zip(edges, weights, strict=True):

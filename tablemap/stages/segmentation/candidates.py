@@ -12,7 +12,7 @@ from tablemap.errors import EstimationError
 from tablemap.geometry import Floats
 from tablemap.stages.segmentation.result import TableCandidate
 from tablemap.stages.segmentation.surfaces import CELL_M, MERGE_HEIGHT, Patch, find_patches
-from tablemap.stages.segmentation.views import View, look
+from tablemap.stages.segmentation.views import SampledView, look
 from tablemap.stages.snapshots import Snapshot
 
 STRIDE_PX = 2
@@ -53,7 +53,7 @@ def find_tables(
     return rank_tables([look(s, stride=STRIDE_PX) for s in snapshots], config)
 
 
-def rank_tables(views: list[View], config: SegmentationConfig) -> tuple[TableCandidate, ...]:
+def rank_tables(views: list[SampledView], config: SegmentationConfig) -> tuple[TableCandidate, ...]:
     """Do as `find_tables` does, of views already prepared."""
     patches = [patch for view in views for patch in find_patches(view, config)]
     if not patches:

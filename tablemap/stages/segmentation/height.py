@@ -13,7 +13,7 @@ from tablemap.config import SegmentationConfig, SensorsConfig
 from tablemap.geometry import Floats
 from tablemap.robust import geman_mcclure, tukey
 from tablemap.stages.segmentation.result import TableCandidate
-from tablemap.stages.segmentation.views import LEAST_UPWARD, View, inside, tolerance
+from tablemap.stages.segmentation.views import LEAST_UPWARD, SampledView, inside, tolerance
 
 BIN_M = 0.002
 SEARCH_M = 0.06
@@ -56,7 +56,7 @@ class Height:
     scatter: float
 
 
-def region(view: View, candidate: TableCandidate, reach: float) -> NDArray[np.bool_]:
+def region(view: SampledView, candidate: TableCandidate, reach: float) -> NDArray[np.bool_]:
     """Return (h, w) what lies within reach of the candidate, by the localised pose."""
     base_from_map = view.snapshot.map_from_base.inverse()
     hull = np.asarray(base_from_map.apply(candidate.hull))
@@ -65,7 +65,7 @@ def region(view: View, candidate: TableCandidate, reach: float) -> NDArray[np.bo
 
 
 def joint_height(
-    views: list[View],
+    views: list[SampledView],
     candidate: TableCandidate,
     config: SegmentationConfig,
     sensors: SensorsConfig,
@@ -117,7 +117,9 @@ def joint_height(
     return Height(value, float(np.hypot(between, floor)), planes, scatter)
 
 
-def _joint_mode(views: list[View], samples: list[NDArray[np.bool_]], height: float) -> float | None:
+def _joint_mode(
+    views: list[SampledView], samples: list[NDArray[np.bool_]], height: float
+) -> float | None:
     """Return the height that most of all views' pixels agree on, each view counting alike."""
     bins = round(2 * SEARCH_M / BIN_M)
     total = np.zeros(bins)
@@ -142,7 +144,7 @@ def _joint_mode(views: list[View], samples: list[NDArray[np.bool_]], height: flo
 
 
 def _view_height(
-    view: View,
+    view: SampledView,
     near: NDArray[np.bool_],
     place: NDArray[np.bool_],
     mode: float,

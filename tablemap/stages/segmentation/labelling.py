@@ -10,7 +10,13 @@ from scipy import ndimage
 from tablemap.config import SegmentationConfig
 from tablemap.stages.segmentation.height import Plane, region
 from tablemap.stages.segmentation.result import Label, TableCandidate, ViewSegmentation
-from tablemap.stages.segmentation.views import LEAST_UPWARD, View, inside, is_parted, tolerance
+from tablemap.stages.segmentation.views import (
+    LEAST_UPWARD,
+    SampledView,
+    inside,
+    is_parted,
+    tolerance,
+)
 
 FLOOR_M = 0.04
 _LEAST_TOLERANCE, _MOST_TOLERANCE = 0.006, 0.035  # metres round the top's plane
@@ -25,7 +31,7 @@ MOST_SEEDS, SEED_SHARE = 3, 0.25  # surfaces from which the top is put together,
 
 
 def label_view(
-    view: View, plane: Plane, candidate: TableCandidate, config: SegmentationConfig
+    view: SampledView, plane: Plane, candidate: TableCandidate, config: SegmentationConfig
 ) -> ViewSegmentation:
     """Label one view at full resolution, given the top's plane in it."""
     z = view.points[..., 2]
@@ -80,7 +86,7 @@ def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return grown
 
 
-def _surfaces(view: View, in_band: NDArray[np.bool_]) -> NDArray[np.int32]:
+def _surfaces(view: SampledView, in_band: NDArray[np.bool_]) -> NDArray[np.int32]:
     """Label the connected surfaces in the band, without walls and slivers (0)."""
     filled = ndimage.uniform_filter(in_band.astype(np.float32), 3) > 0.5
     eroded = ndimage.minimum_filter((filled & in_band).view(np.uint8), 5)
@@ -100,7 +106,7 @@ def _surfaces(view: View, in_band: NDArray[np.bool_]) -> NDArray[np.int32]:
 
 
 def _top(
-    view: View,
+    view: SampledView,
     surfaces: NDArray[np.int32],
     over: NDArray[np.bool_],
     below: NDArray[np.bool_],
@@ -182,7 +188,7 @@ def _joined(
 
 
 def _standing(
-    view: View,
+    view: SampledView,
     top: NDArray[np.bool_],
     over: NDArray[np.bool_],
     above_plane: NDArray[np.float32],

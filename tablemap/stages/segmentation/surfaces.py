@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from tablemap.config import SegmentationConfig
 from tablemap.geometry import Floats
-from tablemap.stages.segmentation.views import LEAST_UPWARD, View, is_parted, tolerance
+from tablemap.stages.segmentation.views import LEAST_UPWARD, SampledView, is_parted, tolerance
 
 BIN_M = 0.005
 MOST_LEVELS = 8
@@ -49,7 +49,7 @@ class Patch:
     parted: frozenset[int] = frozenset()
 
 
-def find_patches(view: View, config: SegmentationConfig) -> list[Patch]:
+def find_patches(view: SampledView, config: SegmentationConfig) -> list[Patch]:
     """Return the surfaces of a view, largest level first: height histogram, then connection."""
     z = view.points[..., 2]
     with np.errstate(invalid="ignore"):
@@ -84,7 +84,9 @@ def find_patches(view: View, config: SegmentationConfig) -> list[Patch]:
     return _told_apart(view, patches, masks)
 
 
-def _told_apart(view: View, patches: list[Patch], masks: list[NDArray[np.bool_]]) -> list[Patch]:
+def _told_apart(
+    view: SampledView, patches: list[Patch], masks: list[NDArray[np.bool_]]
+) -> list[Patch]:
     """Note of each patch which others of about its height lie beyond a gap seen through."""
     parted: list[set[int]] = [set() for _ in patches]
     thin = [mask[::GAP_STEP_PX, ::GAP_STEP_PX] for mask in masks]
@@ -123,7 +125,7 @@ def _fullest_level(
     return float(np.average(centres, weights=histogram[around]))
 
 
-def _describe(view: View, mask: NDArray[np.bool_], area: float, number: int) -> Patch:
+def _describe(view: SampledView, mask: NDArray[np.bool_], area: float, number: int) -> Patch:
     snapshot = view.snapshot
     inside = view.points[mask]
     height = float(np.median(inside[:, 2]))
@@ -183,7 +185,7 @@ def _convex(grid: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _surroundings(
-    view: View, cells: NDArray[np.int64], height: float
+    view: SampledView, cells: NDArray[np.int64], height: float
 ) -> tuple[float | None, float]:
     """Return how open it is below, and the share of its rim that rises.
 

@@ -26,7 +26,7 @@ _TOLERANCE_SIGMAS = 3.0  # of a pixel's own noise
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class SampledView:
     """One snapshot at every ``stride``-th pixel.
 
     ``points`` (h, w, 3) float32 in the base, NaN where missing; ``sigma`` (h, w) of their height;
@@ -42,7 +42,7 @@ class View:
     area: NDArray[np.float32]
 
 
-def look(snapshot: Snapshot, *, stride: int, coarser: View | None = None) -> View:
+def look(snapshot: Snapshot, *, stride: int, coarser: SampledView | None = None) -> SampledView:
     """Prepare a snapshot at every ``stride``-th pixel.
 
     Normals are costly and smooth: those of a ``coarser`` view of the same snapshot are taken over.
@@ -64,7 +64,7 @@ def look(snapshot: Snapshot, *, stride: int, coarser: View | None = None) -> Vie
         upward = np.repeat(np.repeat(coarser.upward, times, axis=0), times, axis=1)
         upward = upward[: depth.shape[0], : depth.shape[1]]
     pixel = stride**2 * depth**2 / (snapshot.camera.fx * snapshot.camera.fy)
-    return View(
+    return SampledView(
         snapshot=snapshot,
         stride=stride,
         points=points,

@@ -21,7 +21,7 @@ _LONGEST_JUMP = 0.5  # metres: a pose that leaps further is lost, not corrected
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class BaseMotion:
     """Planar poses over time: ``stamps_ns`` (n,), ``poses`` (n, 3) with yaw unwrapped."""
 
     stamps_ns: NDArray[np.int64]
@@ -29,7 +29,7 @@ class Motion:
     source: _Source
 
 
-def sample_motion(recording: Recording, depth_stamps: NDArray[np.int64]) -> Motion:
+def sample_motion(recording: Recording, depth_stamps: NDArray[np.int64]) -> BaseMotion:
     """Sample the base's motion, by the wheels where they were recorded, else as localised.
 
     The localisation jumps while the base stands; the wheels do not.
@@ -50,12 +50,12 @@ def sample_motion(recording: Recording, depth_stamps: NDArray[np.int64]) -> Moti
         if len(found) >= 2 or (found and source == "localisation"):
             poses = np.array([Pose2.projected(pose).as_array() for _, pose in found])
             poses[:, 2] = np.unwrap(poses[:, 2])
-            return Motion(np.array([s for s, _ in found], dtype=np.int64), poses, source)
-    return Motion(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), "none")
+            return BaseMotion(np.array([s for s, _ in found], dtype=np.int64), poses, source)
+    return BaseMotion(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), "none")
 
 
 def standing_intervals(
-    motion: Motion, config: SnapshotsConfig, sensors: SensorsConfig
+    motion: BaseMotion, config: SnapshotsConfig, sensors: SensorsConfig
 ) -> list[tuple[int, int]]:
     """Return the intervals (start, end in nanoseconds) in which the base stood still."""
     if len(motion.stamps_ns) < 2:
@@ -83,7 +83,7 @@ def standing_intervals(
     return [(a, b) for a, b in _merge_creeping(intervals, motion) if b - a >= least]
 
 
-def _merge_creeping(intervals: list[tuple[int, int]], motion: Motion) -> list[tuple[int, int]]:
+def _merge_creeping(intervals: list[tuple[int, int]], motion: BaseMotion) -> list[tuple[int, int]]:
     """Join intervals that a twitch parted: less than a second apart, at the same place."""
     merged: list[tuple[int, int]] = []
     for start, end in intervals:

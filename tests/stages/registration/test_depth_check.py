@@ -10,7 +10,7 @@ from tablemap.geometry import Pose2
 from tablemap.stages.registration.depth.check import check_views
 from tablemap.stages.registration.depth.edges import lay_edges
 from tablemap.stages.registration.depth.search import search_failed
-from tablemap.stages.registration.graph import Edge
+from tablemap.stages.registration.graph import GraphEdge
 from tests.making.rooms import relative_errors
 from tests.making.seen_tops import VIEWS, chain, disc, moved, rectangle
 
@@ -90,7 +90,7 @@ def test_a_wrong_pair_that_the_edges_contradict_is_let_go() -> None:
     """One false closure among right constraints is dropped and bends nothing."""
     top = rectangle()
     wrong = Pose2.from_array(top.poses[0]).inverse() @ Pose2.from_array(top.poses[5])
-    false = Edge(5, 0, wrong @ Pose2(0.15, 0.1, 0.1), np.diag([1e4, 1e4, 4e4]), robust=16.0)
+    false = GraphEdge(5, 0, wrong @ Pose2(0.15, 0.1, 0.1), np.diag([1e4, 1e4, 4e4]), robust=16.0)
     held = [*chain(top.poses), false]
     laid = lay_edges(top.edges, top.poses, held, CONFIG, SENSORS)
     place, _ = relative_errors(laid.polished.poses, top.poses)

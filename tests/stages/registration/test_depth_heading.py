@@ -12,7 +12,7 @@ from tablemap.recording.messages import Image
 from tablemap.stages.registration.depth.check import Checked
 from tablemap.stages.registration.depth.cloud import upright_cloud
 from tablemap.stages.registration.depth.heading import check_headings
-from tablemap.stages.registration.depth.sight import Sight, make_sight
+from tablemap.stages.registration.depth.sight import UprightSight, make_sight
 from tablemap.stages.registration.result import StopCheck
 from tablemap.stages.snapshots import Camera, Snapshot
 from tests.making.casting import Box, cast_level
@@ -36,7 +36,7 @@ def square(x: float, y: float, side: float) -> Floats:
 ROOM = np.concatenate([square(0, 0, 3.8), *(square(*each) for each in BOXES)])
 
 
-def sight(pose: Floats, walls: Floats) -> Sight:
+def sight(pose: Floats, walls: Floats) -> UprightSight:
     """What a level camera at a pose sees of upright walls (n, 4)."""
     base = Pose2.from_array(pose)
     ahead = np.stack([np.ones(CAMERA.width), -CAMERA.rays[0, :, 0]], axis=1)
@@ -63,7 +63,7 @@ def sight(pose: Floats, walls: Floats) -> Sight:
 
 
 @pytest.fixture(scope="module")
-def room() -> dict[int, Sight]:
+def room() -> dict[int, UprightSight]:
     """What the eight views see of a room with boxes along its walls."""
     return {i: sight(pose, ROOM) for i, pose in enumerate(disc().poses)}
 
@@ -77,7 +77,7 @@ def turned(poses: Floats, which: list[int], degrees: list[float]) -> Floats:
 
 
 def check(
-    top: Seen, sights: dict[int, Sight], poses: Floats, ties: list[tuple[int, int]]
+    top: Seen, sights: dict[int, UprightSight], poses: Floats, ties: list[tuple[int, int]]
 ) -> tuple[list[int], list[int], list[str]]:
     """Return the views that failed, those whose heading is tied, and the warnings' codes."""
     checks, warnings = check_headings(top.check(poses), sights, top.edges, poses, ties)
@@ -87,7 +87,7 @@ def check(
     return failed, tied, [warning.code for warning in warnings]
 
 
-def test_a_room_confirms_the_headings_round_a_round_table(room: dict[int, Sight]) -> None:
+def test_a_room_confirms_the_headings_round_a_round_table(room: dict[int, UprightSight]) -> None:
     """Right views of a round top, without wheels: what stands behind it ties all of them."""
     top = disc()
     wobble = np.random.default_rng(1).normal(0, 1, top.poses.shape) * [0.004, 0.004, 0.003]
@@ -96,7 +96,7 @@ def test_a_room_confirms_the_headings_round_a_round_table(room: dict[int, Sight]
 
 @pytest.mark.parametrize("degrees", [-20.0, -10.0, 10.0])
 def test_a_view_turned_about_a_round_table_fails_alone(
-    room: dict[int, Sight], degrees: float
+    room: dict[int, UprightSight], degrees: float
 ) -> None:
     """Its edges fit as before; what it sees behind the table does not."""
     top = disc()
@@ -109,7 +109,7 @@ def test_a_view_turned_about_a_round_table_fails_alone(
 
 
 def test_views_turned_at_random_about_a_round_table_are_not_believed(
-    room: dict[int, Sight],
+    room: dict[int, UprightSight],
 ) -> None:
     """Nothing is left that could pass for known: each view fails, or is named as unconfirmed."""
     top = disc()
@@ -135,7 +135,7 @@ def test_corners_confirm_the_headings_by_themselves() -> None:
     assert check(top, {}, top.poses, []) == ([], list(range(VIEWS)), [])
 
 
-def test_who_walks_through_the_room_fails_no_view(room: dict[int, Sight]) -> None:
+def test_who_walks_through_the_room_fails_no_view(room: dict[int, UprightSight]) -> None:
     """Somebody stood before the boxes in two of the views; the top's corners outvote that."""
     top = rectangle()
     people = {

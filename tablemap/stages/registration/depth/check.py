@@ -54,7 +54,7 @@ def check_views(
     votes = {} if outline is None else {view.index: view for view in outline.views}
     located = [Pose2.from_array(pose) for pose in poses]
     views = {
-        i: _View(located[i], edge, votes[edge.index])
+        i: _EdgeView(located[i], edge, votes[edge.index])
         for i, edge in enumerate(edges)
         if edge is not None
     }
@@ -129,7 +129,7 @@ def _median(agreements: Sequence[_Agreement]) -> _Agreement:
     return _Agreement(*map(float, rows))
 
 
-class _View:
+class _EdgeView:
     """A view's edges and votes in the map, with the trees to find them."""
 
     def __init__(self, pose: Pose2, edge: StopScan, votes: ViewEdges) -> None:
@@ -142,7 +142,7 @@ class _View:
         self.top_tree, self.free_tree = cKDTree(self.top), cKDTree(self.free)
 
 
-def _compare(own: _View, other: _View) -> _Agreement:
+def _compare(own: _EdgeView, other: _EdgeView) -> _Agreement:
     distance, nearest = other.tree.query(own.points, k=4, distance_upper_bound=_NEAR)
     near = np.isfinite(distance)
     nearest = np.where(near, nearest, 0)

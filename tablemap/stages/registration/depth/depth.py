@@ -28,8 +28,8 @@ from tablemap.stages.registration.depth.held import (
 from tablemap.stages.registration.depth.search import search_failed, searched
 from tablemap.stages.registration.depth.sight import make_sight
 from tablemap.stages.registration.graph import (
-    Anchor,
-    Edge,
+    GraphAnchor,
+    GraphEdge,
     GraphSolution,
     relative_covariance,
     solve_graph,
@@ -229,7 +229,10 @@ def choose_views(
 
 
 def _solve(
-    graph: GraphSolution, pairs: Sequence[Pair], edges: Sequence[Edge], anchors: Sequence[Anchor]
+    graph: GraphSolution,
+    pairs: Sequence[Pair],
+    edges: Sequence[GraphEdge],
+    anchors: Sequence[GraphAnchor],
 ) -> tuple[GraphSolution, list[Pair]]:
     good = [pair for pair in pairs if pair.used and pair.fitness >= _LEAST_FITNESS]
     held = [*edges, *pair_edges(good, sigma=PAIR_SIGMA, robust=PAIR_ROBUST)]

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from tablemap.config import RegistrationConfig, SensorsConfig
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.outline import EdgeKind, Outline
-from tablemap.stages.registration.graph import Edge, edge_errors
+from tablemap.stages.registration.graph import GraphEdge, edge_errors
 from tablemap.stages.registration.polish import Polished, polish
 from tablemap.stages.registration.result import StopScan
 from tablemap.stages.snapshots import Snapshot
@@ -69,7 +69,7 @@ def table_edges(
 def lay_edges(
     edges: Sequence[StopScan | None],
     poses: Floats,
-    held: Sequence[Edge],
+    held: Sequence[GraphEdge],
     config: RegistrationConfig,
     sensors: SensorsConfig,
     *,

@@ -16,7 +16,7 @@ from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.registration.depth.check import Checked, statistics_of
 from tablemap.stages.registration.depth.edges import turning_edges
-from tablemap.stages.registration.depth.sight import Sight, Sighting, sighting
+from tablemap.stages.registration.depth.sight import Sighting, UprightSight, sighting
 from tablemap.stages.registration.result import StopCheck, StopScan
 
 # The limits lie between right registrations of simulated tables and ones that were made wrong on
@@ -56,7 +56,7 @@ class _Company:
 
 def check_headings(
     checked: Checked,
-    sights: Mapping[int, Sight],
+    sights: Mapping[int, UprightSight],
     edges: Sequence[StopScan | None],
     poses: Floats,
     ties: Iterable[tuple[int, int]],
@@ -154,7 +154,7 @@ def _unchecked(unknown: Sequence[int]) -> tuple[ProcessWarning, ...]:
 
 
 def _sightings(
-    sights: Mapping[int, Sight], located: Sequence[Pose2], views: Sequence[int]
+    sights: Mapping[int, UprightSight], located: Sequence[Pose2], views: Sequence[int]
 ) -> dict[tuple[int, int], Sighting]:
     """Return the (later, earlier) pairs that share enough: the ``_PARTNERS`` best of each view."""
     every = {
@@ -170,7 +170,7 @@ def _sightings(
 
 
 def _sighting(
-    sights: Mapping[int, Sight],
+    sights: Mapping[int, UprightSight],
     located: Sequence[Pose2],
     pair: tuple[int, int],
     moved: Pose2 | None = None,
@@ -181,7 +181,7 @@ def _sighting(
 
 
 def _best_turned(
-    sights: Mapping[int, Sight],
+    sights: Mapping[int, UprightSight],
     located: Sequence[Pose2],
     pair: tuple[int, int],
     centre: Floats,

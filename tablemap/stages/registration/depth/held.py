@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tablemap.geometry import Floats, Pose2
-from tablemap.stages.registration.graph import Edge, GraphSolution, edge_weights
+from tablemap.stages.registration.graph import GraphEdge, GraphSolution, edge_weights
 from tablemap.stages.registration.result import Pair
 from tablemap.stages.registration.solution import floored, odometry_pairs
 
@@ -28,7 +28,7 @@ def contradicted(pairs: Sequence[Pair], kept: NDArray[np.bool_]) -> list[Pair]:
     return [replace(p, used=False, reason=reason) if id(p) in gone else p for p in pairs]
 
 
-def _unscaled(graph: GraphSolution, edges: Sequence[Edge]) -> list[Edge]:
+def _unscaled(graph: GraphSolution, edges: Sequence[GraphEdge]) -> list[GraphEdge]:
     """Return the odometry's edges with the common yaw scale taken out."""
     freed = []
     for edge in edges:
@@ -39,7 +39,7 @@ def _unscaled(graph: GraphSolution, edges: Sequence[Edge]) -> list[Edge]:
     return freed
 
 
-def odometry_report(edges: Sequence[Edge], graph: GraphSolution, poses: Floats) -> list[Pair]:
+def odometry_report(edges: Sequence[GraphEdge], graph: GraphSolution, poses: Floats) -> list[Pair]:
     """Report the odometry's edges; an edge is used if the graph kept it and ``poses`` agree."""
     if not edges:
         return []
@@ -47,7 +47,9 @@ def odometry_report(edges: Sequence[Edge], graph: GraphSolution, poses: Floats) 
     return odometry_pairs(edges, np.minimum(graph.edge_weights[: len(edges)], at_last))
 
 
-def held_edges(graph: GraphSolution, pairs: Sequence[Pair], edges: Sequence[Edge]) -> list[Edge]:
+def held_edges(
+    graph: GraphSolution, pairs: Sequence[Pair], edges: Sequence[GraphEdge]
+) -> list[GraphEdge]:
     """Return the graph's edges by the weight it left them, the odometry without its yaw scale."""
     held = [
         replace(edge, information=weight * edge.information)
@@ -60,7 +62,7 @@ def held_edges(graph: GraphSolution, pairs: Sequence[Pair], edges: Sequence[Edge
     # A view makes the same error in all its pairs: more than a few pairs add little.
     share = min(1.0, _INDEPENDENT_PAIRS * max(views, 1) / max(2 * len(used), 1))
     held += [
-        Edge(
+        GraphEdge(
             p.source,
             p.target,
             p.target_from_source,

@@ -13,7 +13,7 @@ from tablemap.stages.outline import Outline
 from tablemap.stages.registration.correlative import likelihood_at, search
 from tablemap.stages.registration.depth.check import Checked, check_views
 from tablemap.stages.registration.depth.edges import Laid, lay_edges
-from tablemap.stages.registration.graph import Edge
+from tablemap.stages.registration.graph import GraphEdge
 from tablemap.stages.registration.result import StopScan
 from tablemap.stages.snapshots import Snapshot
 
@@ -25,7 +25,7 @@ _LEAST_MARGIN = 0.1  # of score over any other place: a round table fits at any 
 def search_failed(
     outline: Outline | None,
     edges: Sequence[StopScan | None],
-    held: Sequence[Edge],
+    held: Sequence[GraphEdge],
     laid: Laid,
     checked: Checked,
     config: RegistrationConfig,

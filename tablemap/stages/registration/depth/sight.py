@@ -27,7 +27,7 @@ _SIGMA = 0.03  # metres off the other view's surface: depth at three metres errs
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class UprightSight:
     """A view's upright points, and the depth that it saw.
 
     - ``points``, ``normals``: the points that are looked up in other views
@@ -60,12 +60,12 @@ class Sighting:
     violation: float
 
 
-def make_sight(snapshot: Snapshot, every: Cloud, *, maximum_range: float) -> Sight:
+def make_sight(snapshot: Snapshot, every: Cloud, *, maximum_range: float) -> UprightSight:
     """Prepare a view, given ``every`` upright point of it, for comparison with others."""
     some = balanced_cloud(every, _POINTS)
     depth = snapshot.depth
     measured = np.where(np.isfinite(depth) & (depth > 0), depth, np.float32(0))
-    return Sight(
+    return UprightSight(
         points=some.points,
         normals=some.normals,
         every=every,
@@ -77,7 +77,7 @@ def make_sight(snapshot: Snapshot, every: Cloud, *, maximum_range: float) -> Sig
     )
 
 
-def sighting(first: Sight, second: Sight, second_from_first: Pose2) -> Sighting:
+def sighting(first: UprightSight, second: UprightSight, second_from_first: Pose2) -> Sighting:
     """Compare two views' upright points, in both directions."""
     there = _seen_by(second, first, second_from_first)
     back = _seen_by(first, second, second_from_first.inverse())
@@ -86,7 +86,7 @@ def sighting(first: Sight, second: Sight, second_from_first: Pose2) -> Sighting:
     return Sighting(int(points), float(score / count), float(violation / count))
 
 
-def _seen_by(watcher: Sight, other: Sight, pose: Pose2) -> tuple[float, float, float]:
+def _seen_by(watcher: UprightSight, other: UprightSight, pose: Pose2) -> tuple[float, float, float]:
     """Return the number of the other's points in sight, and the sums of scores and violations."""
     points = pose.apply(other.points)
     normals = np.column_stack([pose.rotate(other.normals[:, :2]), other.normals[:, 2]])

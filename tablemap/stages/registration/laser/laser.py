@@ -18,8 +18,8 @@ from tablemap.stages.odometry import Odometry
 from tablemap.stages.registration.correlative import likelihood_at, search
 from tablemap.stages.registration.depth.held import PAIR_ROBUST, PAIR_SIGMA
 from tablemap.stages.registration.graph import (
-    Anchor,
-    Edge,
+    GraphAnchor,
+    GraphEdge,
     relative_covariance,
     solve_graph,
 )
@@ -121,9 +121,9 @@ def _attempt(
     stops: tuple[StopScan | None, ...],
     clouds: dict[int, tuple[Cloud, Cloud]],
     start: Floats,
-    edges: Sequence[Edge],
+    edges: Sequence[GraphEdge],
     depth: Sequence[Pair],
-    anchors: Sequence[Anchor],
+    anchors: Sequence[GraphAnchor],
     aligned: dict[tuple[int, int], Pair],
     config: RegistrationConfig,
     sensors: SensorsConfig,
