@@ -33,6 +33,16 @@ def plain_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def exact_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A simulated recording without any error, at full resolution."""
+    from tablemap.simulation import load_scenario, simulate, write
+
+    path = tmp_path_factory.mktemp("exact") / "exact.mcap"
+    write(simulate(load_scenario("exact"), seed=3), path)
+    return path
+
+
+@pytest.fixture(scope="session")
 def real_recordings() -> Path:
     """The folder of real recordings; skips where it is missing."""
     named = os.environ.get("TABLEMAP_REAL_RECORDINGS")

@@ -12,22 +12,13 @@ from tablemap.evaluation.metrics import score
 from tablemap.evaluation.truth import Truth
 from tablemap.pipeline import process
 from tablemap.recording import open_recording
-from tablemap.simulation import load_scenario, simulate, write
 
 
-@pytest.fixture(scope="module")
-def exact(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A recording without any error."""
-    file = tmp_path_factory.mktemp("exact") / "exact.mcap"
-    write(simulate(load_scenario("exact"), seed=3), file)
-    return file
-
-
-def test_our_model_of_it_is_right_to_a_millimetre_and_a_half(exact: Path) -> None:
+def test_our_model_of_it_is_right_to_a_millimetre_and_a_half(exact_recording: Path) -> None:
     """Shape, dimensions, height and outline."""
-    with open_recording(exact) as recording:
+    with open_recording(exact_recording) as recording:
         model = process(recording, config=load_config()).model
-    result = score(model, Truth.load(Truth.beside(exact)))
+    result = score(model, Truth.load(Truth.beside(exact_recording)))
     assert result.shape == result.true_shape
     assert max(abs(error.error) for error in result.dimensions) < 0.0015
     assert result.height is not None
@@ -35,12 +26,14 @@ def test_our_model_of_it_is_right_to_a_millimetre_and_a_half(exact: Path) -> Non
 
 
 @pytest.mark.parametrize("distance", [1.0, 0.0])
-def test_the_report_s_method_is_right_to_a_centimetre(exact: Path, distance: float) -> None:
+def test_the_report_s_method_is_right_to_a_centimetre(
+    exact_recording: Path, distance: float
+) -> None:
     """With its ICP and without."""
     config = load_config(overrides=[f"report.icp_distance={distance}"])
-    with open_recording(exact) as recording:
+    with open_recording(exact_recording) as recording:
         model = report_method.process(recording, config=config).model
-    result = score(model, Truth.load(Truth.beside(exact)))
+    result = score(model, Truth.load(Truth.beside(exact_recording)))
     assert max(abs(error.error) for error in result.dimensions) < 0.010
     assert result.height is not None
     assert abs(result.height.error) < 0.010

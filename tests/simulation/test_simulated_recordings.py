@@ -12,7 +12,15 @@ import shapely
 
 from tablemap.errors import ConfigError
 from tablemap.geometry import Pose2, transform
-from tablemap.simulation import Scenario, load_scenario, scenario_names, simulate, suite, write
+from tablemap.simulation import (
+    Scenario,
+    Simulation,
+    load_scenario,
+    scenario_names,
+    simulate,
+    suite,
+    write,
+)
 from tablemap.simulation.laser import MOUNT
 from tablemap.simulation.scene import Scene
 from tests.making import simulated_log as log
@@ -43,14 +51,6 @@ def truth_of(path: Path) -> dict[str, Any]:
     return dict(json.loads(text))
 
 
-@pytest.fixture(scope="module")
-def exact(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The noise-free scenario at full resolution."""
-    path = tmp_path_factory.mktemp("exact") / "exact.mcap"
-    write(simulate(load_scenario("exact"), seed=3), path)
-    return path
-
-
 def test_same_seed_gives_same_bytes(tmp_path: Path) -> None:
     """A scenario and a seed decide every byte of the recording and of its truth."""
     first, second, other = (tmp_path / f"{name}.mcap" for name in ("a", "b", "c"))
@@ -70,11 +70,11 @@ def test_writing_twice_gives_same_bytes(tmp_path: Path) -> None:
     assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
 
 
-def test_noise_free_depth_lies_on_the_truth(exact: Path) -> None:
+def test_noise_free_depth_lies_on_the_truth(exact_recording: Path) -> None:
     """Unprojected by the recorded calibration and frames, top and floor are within 1 mm."""
-    truth = truth_of(exact)
+    truth = truth_of(exact_recording)
     simulation = simulate(load_scenario("exact"), seed=3)
-    messages = log.read(exact)
+    messages = log.read(exact_recording)
     edges = log.transforms(messages)
     infos = {
         log.stamp_ns(info): info for _, info in messages[f"{HEAD}/depth_registered/camera_info"]
@@ -132,10 +132,10 @@ def test_noise_free_top_reaches_the_outline() -> None:
     assert np.abs(reach).max() < 1.5e-3
 
 
-def test_noise_free_frames_are_the_truth(exact: Path) -> None:
+def test_noise_free_frames_are_the_truth(exact_recording: Path) -> None:
     """Without wheel and localisation errors the recorded chain of frames is the true pose."""
-    truth = truth_of(exact)
-    edges = log.transforms(log.read(exact))
+    truth = truth_of(exact_recording)
+    edges = log.transforms(log.read(exact_recording))
     for snapshot in truth["snapshots"]:
         stamp = snapshot["stamp_ns"]
         pose = Pose2.projected(
@@ -147,10 +147,10 @@ def test_noise_free_frames_are_the_truth(exact: Path) -> None:
         assert abs(error.yaw) < 1e-6
 
 
-def test_noise_free_scans_lie_on_the_legs(exact: Path) -> None:
+def test_noise_free_scans_lie_on_the_legs(exact_recording: Path) -> None:
     """Scan points under the table, placed with the true pose, are on the legs' sides."""
-    truth = truth_of(exact)
-    messages = log.read(exact)
+    truth = truth_of(exact_recording)
+    messages = log.read(exact_recording)
     edges = log.transforms(messages)
     legs = shapely.union_all(
         [
@@ -316,11 +316,16 @@ def test_nominal_keeps_the_sizes() -> None:
     assert np.ptp(factors) > 0.12
 
 
-@pytest.mark.parametrize("name", scenario_names())
-def test_truth_keeps_the_conventions(name: str) -> None:
+@pytest.fixture(scope="module", params=scenario_names())
+def drawn(request: pytest.FixtureRequest) -> list[Simulation]:
+    """Each scenario as three seeds draw it."""
+    return [simulate(load_scenario(request.param), seed=seed) for seed in range(3)]
+
+
+def test_truth_keeps_the_conventions(drawn: list[Simulation]) -> None:
     """Centroid, yaw range, order of sizes and sense of the outline are those of table.json."""
-    for seed in range(3):
-        surface: Any = simulate(load_scenario(name), seed=seed).truth()["surface"]
+    for simulation in drawn:
+        surface: Any = simulation.truth()["surface"]
         outline = shapely.Polygon(surface["outline"])
         pose, sizes = surface["pose"], surface["dimensions"]
         assert outline.is_valid
@@ -348,11 +353,10 @@ def test_truth_keeps_the_conventions(name: str) -> None:
             assert sizes["length"] >= sizes["width"]
 
 
-@pytest.mark.parametrize("name", scenario_names())
-def test_legs_stand_under_the_top(name: str) -> None:
+def test_legs_stand_under_the_top(drawn: list[Simulation]) -> None:
     """Every leg is under the top, whole, and within the yaw range of its shape."""
-    for seed in range(3):
-        truth: Any = simulate(load_scenario(name), seed=seed).truth()
+    for simulation in drawn:
+        truth: Any = simulation.truth()
         outline = shapely.Polygon(truth["surface"]["outline"]).buffer(1e-3)
         for leg in truth["legs"]:
             sizes = leg["dimensions"]
@@ -368,11 +372,9 @@ def test_legs_stand_under_the_top(name: str) -> None:
             assert outline.contains(footprint)
 
 
-@pytest.mark.parametrize("name", scenario_names())
-def test_robot_stays_clear(name: str) -> None:
+def test_robot_stays_clear(drawn: list[Simulation]) -> None:
     """The base, 21 cm in radius, never touches the table or what stands on the floor."""
-    for seed in range(3):
-        simulation = simulate(load_scenario(name), seed=seed)
+    for simulation in drawn:
         seconds = np.arange(0, simulation.drive.duration, 0.1)
         bases = shapely.points(simulation.drive.base(seconds)[:, :2])
         tree = shapely.STRtree(bases)
