@@ -105,8 +105,8 @@ def _overview(scene: DrawnScene) -> rrb.Container:
     )
     right: list[Contents] = [_text("/summary", "Summary")]
     if scene.localised:
-        depth = rrb.Spatial2DView(origin="/camera/depth", name="Depth at the snapshot")
-        right = [rrb.Vertical(*right, depth, row_shares=[1.7, 1.0])]
+        image = _image(scene, "colour" if scene.has_colour and scene.colour_fits else "depth")
+        right = [rrb.Vertical(*right, image, row_shares=[1.7, 1.0])]
     return _beside("Overview", 1.7, space, *right)
 
 
@@ -124,6 +124,19 @@ def _quiet(scene: DrawnScene) -> dict[rr.datatypes.EntityPath | str, Override]:
     return quiet
 
 
+def _image(scene: DrawnScene, what: str) -> rrb.Spatial2DView:
+    """Return a view of the snapshot's depth or colour with edge points and model drawn into it."""
+    if what == "colour" and not scene.colour_fits:
+        return rrb.Spatial2DView(origin="/camera/colour", name="Colour (of another camera)")
+    shown = [f"/camera/{what}", "/camera/edges/**", "/camera/model/**"]
+    return rrb.Spatial2DView(
+        origin=f"/camera/{what}",
+        name=f"{what.capitalize()} with the model",
+        contents=shown,
+        overrides={"/camera/edges/image_border": rrb.EntityBehavior(visible=False)},
+    )
+
+
 def _views(scene: DrawnScene) -> rrb.Container:
     shown = [
         "/camera/**",
@@ -133,6 +146,8 @@ def _views(scene: DrawnScene) -> rrb.Container:
         "/robot/**",
         "- /camera/depth",
         "- /camera/colour",
+        "- /camera/edges/**",
+        "- /camera/model/**",
     ]
     flatness = rrb.Grid(
         *[
@@ -144,7 +159,7 @@ def _views(scene: DrawnScene) -> rrb.Container:
     )
     last: list[Contents] = [_text("/calibration/summary", "Calibration"), flatness]
     if scene.has_colour:
-        last.insert(0, rrb.Spatial2DView(origin="/camera/colour", name="Colour"))
+        last.insert(0, _image(scene, "colour"))
     return _beside(
         "Views",
         1.5,
@@ -156,7 +171,7 @@ def _views(scene: DrawnScene) -> rrb.Container:
         rrb.Spatial2DView(
             origin="/segmentation/labels", name="Labels", contents=["/segmentation/labels"]
         ),
-        rrb.Spatial2DView(origin="/camera/depth", name="Depth"),
+        _image(scene, "depth"),
         rrb.Tabs(*last),
     )
 

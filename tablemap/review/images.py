@@ -53,6 +53,17 @@ def encode_depth(depth: NDArray[np.float32]) -> bytes:
     return buffer.getvalue()
 
 
+def colour_size(message: Image | CompressedImage) -> tuple[int, int] | None:
+    """Return a colour image's width and height; None where its header cannot be read."""
+    if isinstance(message, Image):
+        return message.width, message.height
+    try:
+        with PIL.Image.open(io.BytesIO(message.data)) as image:
+            return image.size
+    except (OSError, ValueError):
+        return None
+
+
 def colour_archetype(message: Image | CompressedImage) -> rr.EncodedImage | None:
     """Return a colour image for the viewer, or None where its encoding is not one it can show."""
     if isinstance(message, CompressedImage):

@@ -7,6 +7,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+import numpy as np
+
 from tablemap.config import ReviewConfig
 from tablemap.errors import ProcessWarning, TablemapError
 from tablemap.events import OfTable, OtherTable, RunFailed, StageFinished, StageStarted
@@ -18,6 +20,7 @@ from tablemap.review.blueprint import blueprint
 from tablemap.review.crosscheck import log_cross_check
 from tablemap.review.motion import MotionDrawing
 from tablemap.review.perception import Perception
+from tablemap.review.projection import Projection
 from tablemap.review.solid import log_model
 from tablemap.review.stream import Stream
 from tablemap.review.tables import Tables
@@ -26,7 +29,7 @@ from tablemap.stages.calibration import Calibration
 from tablemap.stages.crosscheck import CrossCheck
 from tablemap.stages.legs import Legs
 from tablemap.stages.odometry import Odometry, OdometryMap, OdometryScan
-from tablemap.stages.outline import Outline
+from tablemap.stages.outline import EdgeKind, Outline
 from tablemap.stages.registration import PairIteration, PairStarted, Registration, StopScan
 from tablemap.stages.segmentation import Segmentation, TablesFound
 from tablemap.stages.snapshots import SetAside, Snapshots
@@ -55,12 +58,33 @@ class Reviewer:
             Alignment(),
             TopDrawing(),
         )
+        projection = Projection()
         tables = Tables()
 
         def draw_registration(stream: Stream, registration: Registration) -> None:
             top.take_poses(registration.map_from_base)
+            projection.take_used(registration.used)
             tables.take_poses(registration.map_from_base)
             alignment.log_registration(stream, registration)
+
+        def draw_calibration(stream: Stream, calibration: Calibration) -> None:
+            perception.log_calibration(stream, calibration)
+            projection.take_cameras(calibration)
+
+        def draw_segmentation(stream: Stream, segmentation: Segmentation) -> None:
+            perception.log_segmentation(stream, segmentation)
+            seen = {v.index: v.top_pixels for v in segmentation.views if v.sees_table}
+            projection.bring_to_front(stream, seen)
+
+        def draw_outline(stream: Stream, outline: Outline) -> None:
+            top.log_outline(stream, outline)
+            seen = {v.index: int(np.sum(v.kind == EdgeKind.TABLE)) for v in outline.views}
+            projection.bring_to_front(stream, seen)
+            projection.log_edges(stream, outline)
+
+        def draw_model(stream: Stream, model: TableModel) -> None:
+            log_model(stream, model)
+            projection.log_model(stream, model)
 
         def draw_failure(stream: Stream, failed: RunFailed) -> None:
             alignment.log_as_far_as_it_came(stream)
@@ -74,9 +98,9 @@ class Reviewer:
             ProcessWarning: progress.log_warning,
             Snapshots: sensors.log_snapshots,
             SetAside: sensors.log_set_aside,
-            Calibration: perception.log_calibration,
+            Calibration: draw_calibration,
             TablesFound: perception.log_tables_found,
-            Segmentation: perception.log_segmentation,
+            Segmentation: draw_segmentation,
             OdometryScan: motion.log_scan,
             OdometryMap: motion.log_map,
             Odometry: motion.log_odometry,
@@ -84,11 +108,11 @@ class Reviewer:
             PairStarted: alignment.pairs.start,
             PairIteration: alignment.pairs.step,
             Registration: draw_registration,
-            Outline: top.log_outline,
+            Outline: draw_outline,
             Surface: top.log_surface,
             CrossCheck: log_cross_check,
             Legs: supports.log_legs,
-            TableModel: log_model,
+            TableModel: draw_model,
             OfTable: tables.log_result,
             OtherTable: tables.log_outcome,
         }

@@ -10,7 +10,7 @@ from tablemap.recording import FrameNames, Recording
 from tablemap.recording.messages import Image, LaserScan
 from tablemap.review import colours
 from tablemap.review.clouds import raised
-from tablemap.review.images import colour_archetype, depth_archetype
+from tablemap.review.images import colour_archetype, colour_size, depth_archetype
 from tablemap.review.stream import Stream, sensor_times
 from tablemap.stages.snapshots import SetAside, Snapshot, Snapshots
 
@@ -99,32 +99,43 @@ def log_snapshot(stream: Stream, snapshot: Snapshot) -> None:
     stream.at(snapshot.stamp_ns, snapshot=snapshot.index)
     names = scene.names or FrameNames("map", None, "base", "camera", None)
     _log_pose(stream, names, snapshot)
-    height, width = snapshot.depth.shape
-    camera = snapshot.camera
-    k = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
-    _log_pinhole(stream, names, k, (height, width))
-    stream.log(
-        "camera/depth",
-        depth_archetype(snapshot.depth_message, snapshot.depth),
-        frame=names.camera + IMAGE_PLANE,
-    )
-    if snapshot.colour_message is not None:
-        colour = colour_archetype(snapshot.colour_message)
-        if colour is not None:
-            stream.log_flat("camera/colour", colour)
-            scene.has_colour = True
-        else:
-            message = snapshot.colour_message
-            form = message.encoding if isinstance(message, Image) else message.format
-            stream.log_flat(
-                "log", rr.TextLog(f"colour image not shown: its encoding is {form!r}", level="INFO")
-            )
+    log_images(stream, snapshot)
     if scene.recording is not None and names.laser:
         stamp = snapshot.stamp_ns
         scans = scene.recording.scans(stamp - SCAN_SEARCH_NS, stamp + SCAN_SEARCH_NS)
         nearest = min(scans, key=lambda scan: abs(scan.stamp_ns - stamp), default=None)
         if nearest is not None:
             _log_scan(stream, scene.recording, nearest)
+
+
+def log_images(stream: Stream, snapshot: Snapshot) -> None:
+    """Log depth and colour as recorded, at the stream's time, with the camera that took them."""
+    scene = stream.scene
+    names = scene.names or FrameNames("map", None, "base", "camera", None)
+    height, width = snapshot.depth.shape
+    camera = snapshot.camera
+    k = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
+    plane = names.camera + IMAGE_PLANE
+    _log_pinhole(stream, names, k, (height, width))
+    depth = depth_archetype(snapshot.depth_message, snapshot.depth)
+    stream.log("camera/depth", depth, frame=plane)
+    message = snapshot.colour_message
+    if message is None:
+        return
+    colour = colour_archetype(message)
+    if colour is None:
+        form = message.encoding if isinstance(message, Image) else message.format
+        said = f"colour image not shown: its encoding is {form!r}"
+        stream.log_flat("log", rr.TextLog(said, level="INFO"))
+        return
+    scene.has_colour = True
+    scene.colour_fits &= message.frame_id == snapshot.depth_message.frame_id and colour_size(
+        message
+    ) == (width, height)
+    if scene.colour_fits:
+        stream.log("camera/colour", colour, frame=plane)
+    else:
+        stream.log_flat("camera/colour", colour)
 
 
 def log_set_aside(stream: Stream, one: SetAside) -> None:

@@ -14,13 +14,13 @@ from tablemap.review import colours, story
 from tablemap.review.clouds import raised
 from tablemap.review.dimensions import log_dimensions
 from tablemap.review.stream import Stream
+from tablemap.review.supports import LEG_WITHOUT_SIZE
 
 DRAWN_THICKNESS = 0.03
 MAGNIFICATIONS = (50.0, 20.0, 10.0, 5.0, 2.0, 1.0)
 MOST_DRAWN = 0.2  # of the table's reach: an interval is magnified up to here
 TWO_SIDED_95 = 1.96
 ELLIPSE_95 = 2.448
-LEG_WITHOUT_SIZE = 0.04
 
 
 def log_model(stream: Stream, model: TableModel, *, tint: colours.Colour = colours.WOOD) -> None:

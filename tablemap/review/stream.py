@@ -38,7 +38,8 @@ class DrawnScene:
     ``laser_height`` are z in the map, metres; ``centre`` (2,), ``extent`` (metres) and ``yaw`` the
     table's place, size and heading as far as known; ``stages`` holds name and seconds (None while
     it runs); ``tables`` what is known of those beside the chosen one, ``pairs_reach`` (metres) how
-    far the grid of aligned pairs extends.
+    far the grid of aligned pairs extends. ``best`` is the snapshot that shows most of the table,
+    ``colour_fits`` whether the colour images show what the depth images do, pixel by pixel.
     """
 
     names: FrameNames | None = None
@@ -57,6 +58,8 @@ class DrawnScene:
     yaw: float = 0.0
     shape: str = ""
     has_colour: bool = False
+    colour_fits: bool = True
+    best: int | None = None
     stages: list[tuple[str, float | None]] = field(default_factory=list)
     reached: set[str] = field(default_factory=set)
     failed: bool = False
@@ -126,9 +129,18 @@ class Stream:
         if snapshot is not None:
             self.rec.set_time("snapshot", sequence=snapshot)
 
+    def at_stage(self) -> None:
+        """Let the next rows belong to the current stage alone."""
+        self.rec.reset_time()
+        self.rec.set_time("stage", sequence=self.stage)
+
     def hold(self) -> None:
         """Let the next rows hold for the whole recording, from the current stage on."""
-        self.at(self.scene.start_ns, snapshot=0)
+        if self.scene.start_ns:
+            self.at(self.scene.start_ns, snapshot=0)
+        else:  # before the recording is open nobody knows its clock
+            self.at_stage()
+            self.rec.set_time("snapshot", sequence=0)
         self.rec.set_time("iteration", sequence=0)
 
     @contextmanager

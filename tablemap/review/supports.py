@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import rerun as rr
 
-from tablemap.geometry import Floats
+from tablemap.geometry import Floats, Pose2
 from tablemap.model.shapes import shape_named
 from tablemap.review import colours, text
 from tablemap.review.clouds import raised
 from tablemap.review.stream import Stream
 from tablemap.stages.legs import Leg, Legs, RejectedCluster
+
+LEG_WITHOUT_SIZE = 0.04  # metres
 
 
 def log_legs(stream: Stream, legs: Legs) -> None:
@@ -55,16 +59,18 @@ def _log_leg(stream: Stream, index: int, leg: Leg, height: float) -> None:
 
 def leg_outline(leg: Leg) -> Floats:
     """Return a leg's closed outline (n, 2) in the map."""
-    record = shape_named(leg.shape)
-    sizes = [leg.dimensions[name].value for name in record.lengths]
-    half = np.array([sizes[0], sizes[-1]]) / 2
+    sizes = {name: figure.value for name, figure in leg.dimensions.items()}
+    return section(leg.shape, Pose2(leg.x, leg.y, leg.yaw), sizes)
+
+
+def section(shape: str, pose: Pose2, sizes: Mapping[str, float]) -> Floats:
+    """Return a cross-section's closed outline (n, 2) in the map."""
+    record = shape_named(shape)
+    half = np.array(record.extents(sizes) or (LEG_WITHOUT_SIZE, LEG_WITHOUT_SIZE)) / 2
     if record.is_elliptic:
         angles = np.linspace(0, 2 * np.pi, 37)
-        circle = half * np.column_stack([np.cos(angles), np.sin(angles)])
-        return np.asarray(np.array([leg.x, leg.y]) + circle)
-    corners = half * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1], [1, 1]])
-    c, s = np.cos(leg.yaw), np.sin(leg.yaw)
-    return np.asarray(np.array([leg.x, leg.y]) + corners @ np.array([[c, s], [-s, c]]))
+        return pose.apply(half * np.column_stack([np.cos(angles), np.sin(angles)]))
+    return pose.apply(half * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1], [1, 1]]))
 
 
 def _log_rejected(stream: Stream, rejected: tuple[RejectedCluster, ...], height: float) -> None:

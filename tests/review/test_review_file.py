@@ -18,6 +18,7 @@ from tablemap.recording.messages import CompressedImage, Image
 from tablemap.review import Reviewer
 from tablemap.review.images import colour_archetype, depth_archetype, encode_depth
 from tablemap.review.schema import ENTITIES, SCHEMA, TIMELINES
+from tablemap.stages.outline import EdgeKind, Outline
 from tablemap.stages.registration import Registration
 from tablemap.stages.segmentation import Segmentation
 from tablemap.stages.surface import Surface
@@ -154,13 +155,60 @@ def test_the_schema_has_every_timeline(review: Path) -> None:
     assert used == set(TIMELINES)
 
 
-def test_images_are_there_once_a_snapshot(review: Path) -> None:
-    """One depth image, one colour image and one label image for every stop."""
-    frame = 1  # an entity in space has one static row that names its frame
-    found = rows(review)
-    assert found["/camera/depth"] - frame == STOPS
-    assert found["/camera/colour"] == STOPS
-    assert found["/segmentation/labels"] == STOPS
+def snapshots_of(path: Path, entity: str) -> list[int]:
+    """The snapshots that an entity has rows of."""
+    found: list[int] = []
+    for chunk in RrdReader(path).stream():
+        if chunk.entity_path == entity and "snapshot" in chunk.timeline_names:
+            found += chunk.to_record_batch().to_pydict()["snapshot"]
+    return sorted(found)
+
+
+@pytest.mark.parametrize(
+    "entity",
+    [
+        "/camera/depth",
+        "/camera/colour",
+        "/camera/edges/table",
+        "/camera/model/outline",
+        "/camera/model/legs",
+        "/segmentation/labels",
+    ],
+)
+def test_images_are_there_once_a_snapshot(review: Path, entity: str) -> None:
+    """Each image of a stop, and what is drawn into it, is of that stop alone."""
+    assert snapshots_of(review, entity) == list(range(STOPS))
+
+
+def test_the_best_view_stands_for_all_on_stage(run: list[object], review: Path) -> None:
+    """Where no snapshot is chosen, the images and what is drawn into them are of one stop.
+
+    It is the one that shows most of the table's edge, of those that are used.
+    """
+    used = next(one for one in run if isinstance(one, Registration)).used
+    seen = {
+        view.index: int(np.sum(view.kind == EdgeKind.TABLE))
+        for one in run
+        if isinstance(one, Outline)
+        for view in one.views
+        if used[view.index]
+    }
+    best = max(seen, key=lambda index: seen[index])
+    images: list[tuple[int, int | None, object]] = []
+    for chunk in RrdReader(review).stream():
+        if chunk.entity_path == "/camera/depth" and "stage" in chunk.timeline_names:
+            batch = chunk.to_record_batch().to_pydict()
+            numbers = batch.get("snapshot", [None] * chunk.num_rows)
+            images += zip(batch["stage"], numbers, batch["EncodedDepthImage:blob"], strict=True)
+    (of_best,) = [blob for _, number, blob in images if number == best]
+    last = max(stage for stage, _, _ in images)
+    assert [blob for stage, number, blob in images if stage == last] == [of_best]
+    lines = [
+        chunk.to_record_batch().to_pydict()["snapshot"]
+        for chunk in RrdReader(review).stream()
+        if chunk.entity_path == "/camera/model/outline" and chunk.timeline_names
+    ]
+    assert [one for rows_of in lines for one in rows_of][-1] == best
 
 
 def test_results_are_on_all_timelines(review: Path) -> None:

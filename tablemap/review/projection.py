@@ -1,0 +1,178 @@
+"""Edge points and the model in the camera's images: what a doubtful run is looked at for first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from tablemap.geometry import Floats, Pose2, invert, transform
+from tablemap.model import TableLeg, TableModel
+from tablemap.review import colours
+from tablemap.review.clouds import raised
+from tablemap.review.sensors import IMAGE_PLANE, log_images
+from tablemap.review.solid import DRAWN_THICKNESS
+from tablemap.review.stream import Stream
+from tablemap.review.supports import section
+from tablemap.stages.calibration import Calibration
+from tablemap.stages.outline import Outline
+from tablemap.stages.snapshots import Snapshot
+
+SPACING = 0.01  # metres between the points of a line: it stays in place where the image cuts it
+NEAREST = 0.05  # metres before the camera
+DASH_PX = 7.0
+PIXEL_CENTRE = 0.5  # the viewer counts from a pixel's corner
+LINE, POINT = 1.5, 1.7  # radii, pixels of the screen
+
+
+class Projection:
+    """Draws into the images of every snapshot; it keeps the corrected cameras."""
+
+    def __init__(self) -> None:
+        self._snapshots: dict[int, Snapshot] = {}
+        self._recorded: dict[int, Snapshot] = {}
+        self._unused: set[int] = set()
+
+    def take_cameras(self, calibration: Calibration) -> None:
+        """Take the snapshots, as recorded and corrected."""
+        self._recorded = {snapshot.index: snapshot for snapshot in calibration.recorded}
+        self._snapshots = {snapshot.index: snapshot for snapshot in calibration.snapshots}
+
+    def take_used(self, used: tuple[bool, ...]) -> None:
+        """Take which snapshots are used, by index."""
+        self._unused = {index for index, is_used in enumerate(used) if not is_used}
+
+    def _in_turn(self, stream: Stream) -> Iterator[tuple[Snapshot, str]]:
+        """Give each snapshot at its time, with its image's frame.
+
+        The best one comes last: on ``stage`` what was logged last is shown.
+        """
+        names = stream.scene.names
+        frame = (names.camera if names else "camera") + IMAGE_PLANE
+        ordered = sorted(self._snapshots.values(), key=lambda one: one.index == stream.scene.best)
+        for snapshot in ordered:
+            stream.at(snapshot.stamp_ns, snapshot=snapshot.index)
+            yield snapshot, frame
+        stream.hold()
+
+    def bring_to_front(self, stream: Stream, seen: dict[int, int]) -> None:
+        """Let the view that shows most stand for all on ``stage``, where its number is not chosen.
+
+        ``seen`` is how much of the table each view shows, by index.
+        """
+        seen = {i: much for i, much in seen.items() if i not in self._unused}
+        best = max(seen, key=lambda index: seen[index], default=None)
+        if best is None or best == stream.scene.best or best not in self._recorded:
+            return
+        stream.scene.best = best
+        stream.at_stage()
+        log_images(stream, self._recorded[best])
+        stream.hold()
+
+    def log_edges(self, stream: Stream, outline: Outline) -> None:
+        """Log each view's edge points where they were found, by kind; none where it has none."""
+        views = {view.index: view for view in outline.views}
+        for snapshot, frame in self._in_turn(stream):
+            view = views.get(snapshot.index)
+            for kind, (name, tint) in colours.EDGES.items():
+                pixels = np.zeros((0, 2)) if view is None else view.pixels[view.kind == kind]
+                stream.log(
+                    f"camera/edges/{name}",
+                    rr.Points2D(
+                        (pixels + PIXEL_CENTRE).astype(np.float32),
+                        colors=[tint],
+                        radii=rr.Radius.ui_points(POINT),
+                    ),
+                    frame=frame,
+                )
+
+    def log_model(self, stream: Stream, model: TableModel) -> None:
+        """Log the model's lines as each camera would have seen them, had nothing hidden them."""
+        lines = list(_lines(model))
+        for snapshot, frame in self._in_turn(stream):
+            if snapshot.index >= len(model.snapshots):
+                continue
+            base = model.snapshots[snapshot.index].map_from_base
+            map_from_base = Pose2(base.x, base.y, base.yaw).lifted()
+            map_from_base[2, 3] = model.floor_z
+            drawn: dict[str, list[tuple[NDArray[np.float32], str]]] = {
+                "outline": [],
+                "underside": [],
+                "legs": [],
+            }
+            for part, status, line in lines:
+                pieces = in_image(snapshot, map_from_base, line, dashed=status != "measured")
+                drawn[part] += [(piece, status) for piece in pieces]
+            for part, strips in drawn.items():
+                stream.log(
+                    f"camera/model/{part}",
+                    rr.LineStrips2D(
+                        [strip for strip, _ in strips],
+                        colors=[
+                            colours.MUTED if part == "underside" else colours.STATUS[status]
+                            for _, status in strips
+                        ],
+                        radii=rr.Radius.ui_points(LINE if part != "underside" else LINE / 2),
+                    ),
+                    frame=frame,
+                )
+
+
+def _lines(model: TableModel) -> Iterator[tuple[str, str, NDArray[np.floating]]]:
+    """Give the model's lines: what they belong to, their status, and (n, 3) points in the map."""
+    surface = model.surface
+    top = model.floor_z + surface.height.value
+    bottom = top - (surface.thickness.value if surface.thickness else DRAWN_THICKNESS)
+    for edge in surface.edges:
+        side = np.array(edge.points, dtype=np.float64).reshape(-1, 2)
+        yield "outline", edge.status, raised(side, top)
+        if surface.thickness:
+            yield "underside", edge.status, raised(side, bottom)
+    for leg in model.legs:
+        ring = _outline_of(leg)
+        yield "legs", leg.status, raised(ring, model.floor_z)
+        for x, y in ring[:: max(1, len(ring) // 4)]:
+            yield "legs", leg.status, np.array([[x, y, model.floor_z], [x, y, bottom]])
+
+
+def _outline_of(leg: TableLeg) -> Floats:
+    """Return a leg's closed cross-section (n, 2) in the map."""
+    sizes = {name: figure.value for name, figure in leg.dimensions.items()}
+    return section(leg.shape, Pose2(leg.x, leg.y, leg.yaw), sizes)
+
+
+def in_image(
+    snapshot: Snapshot, map_from_base: Floats, line: NDArray[np.floating], *, dashed: bool
+) -> list[NDArray[np.float32]]:
+    """Return the pieces (n, 2) of a line (m, 3) in the map that lie in a snapshot's image.
+
+    They are columns and rows counted from the image's corner. ``map_from_base`` (4, 4) has the
+    floor's height, from which the snapshot's camera counts its own.
+    """
+    camera_from_map = invert(map_from_base @ snapshot.base_from_camera)
+    points = transform(camera_from_map, _dense(line))
+    camera = snapshot.camera
+    ahead = np.where(points[:, 2] > NEAREST, points[:, 2], np.nan)
+    pixels = np.column_stack(
+        [
+            camera.fx * points[:, 0] / ahead + camera.cx + PIXEL_CENTRE,
+            camera.fy * points[:, 1] / ahead + camera.cy + PIXEL_CENTRE,
+        ]
+    )
+    with np.errstate(invalid="ignore"):
+        is_in = ((pixels >= 0) & (pixels <= (camera.width, camera.height))).all(axis=1)
+    if dashed:
+        steps = np.linalg.norm(np.diff(pixels, axis=0, prepend=pixels[:1]), axis=1)
+        is_in &= np.floor(np.cumsum(np.nan_to_num(steps)) / DASH_PX) % 2 == 0
+    bounds = np.flatnonzero(np.diff(is_in.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
+    return [pixels[a:b].astype(np.float32) for a, b in bounds if b - a > 1]
+
+
+def _dense(line: NDArray[np.floating]) -> Floats:
+    """Return a line (m, 3) with a point every `SPACING`, its corners kept."""
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    count = max(2, int(along[-1] / SPACING))
+    places = np.unique(np.concatenate([along, np.linspace(0.0, along[-1], count)]))
+    return np.column_stack([np.interp(places, along, line[:, k]) for k in range(3)])
