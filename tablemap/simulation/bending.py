@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tablemap.geometry import Floats
-from tablemap.simulation.scenario import Camera
+from tablemap.simulation.scenario import CameraSection
 
 REFERENCE = 2.0
 """The distance at which a bend is stated, metres."""
@@ -60,7 +60,7 @@ class Bend:
         }
 
 
-def draw_bend(camera: Camera, rng: np.random.Generator) -> Bend | None:
+def draw_bend(camera: CameraSection, rng: np.random.Generator) -> Bend | None:
     """Draw a recording's field; None where the camera's depth does not bend."""
     if not camera.bend_percent:
         return None

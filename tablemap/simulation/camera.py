@@ -13,7 +13,7 @@ from tablemap.simulation import stereo, structured_light, time_of_flight
 from tablemap.simulation.bending import Bend, draw_bend
 from tablemap.simulation.drive import CAMERA_AHEAD
 from tablemap.simulation.lens import Lens
-from tablemap.simulation.scenario import Camera
+from tablemap.simulation.scenario import CameraSection
 from tablemap.simulation.scene import Scene
 from tablemap.simulation.seeds import Generators, clipped_normal
 from tablemap.simulation.view import View, see
@@ -46,7 +46,9 @@ class CameraErrors:
     corners: tuple[float, ...]
 
     @staticmethod
-    def drawn(camera: Camera, rng: np.random.Generator, generator: Generators) -> CameraErrors:
+    def drawn(
+        camera: CameraSection, rng: np.random.Generator, generator: Generators
+    ) -> CameraErrors:
         """Draw the errors of one recording; none is more than 2.5 sigma.
 
         ``generator`` gives what came to the simulator later its own random numbers, by purpose.
@@ -92,7 +94,7 @@ def recorded_mounting(camera_height: float, tilt: float) -> Floats:
 class DepthCamera(Lens):
     """A camera with its lens and its errors; makes views of scenes and noisy images of views."""
 
-    def __init__(self, camera: Camera, errors: CameraErrors) -> None:
+    def __init__(self, camera: CameraSection, errors: CameraErrors) -> None:
         super().__init__(camera, errors.focal_scale)
         self.errors = errors
         self._bounced: tuple[View, Floats] | None = None

@@ -9,7 +9,7 @@ import shapely
 
 from tablemap.geometry import Floats
 from tablemap.simulation.furniture import drawn_colour, footprint, rim, rim_place
-from tablemap.simulation.meshes import Mesh, Part, at, box, cylinder, revolve
+from tablemap.simulation.meshes import Mesh, MeshPart, at, box, cylinder, revolve
 from tablemap.simulation.scenario import Clutter
 from tablemap.simulation.shapes import Top
 
@@ -25,12 +25,12 @@ _CIRCLE = np.column_stack([np.cos(_PHASES), np.sin(_PHASES)]) / np.cos(np.pi / 2
 
 def draw_clutter(
     clutter: Clutter, top: Top, rng: np.random.Generator, crowd: np.random.Generator
-) -> list[Part]:
+) -> list[MeshPart]:
     """Draw what stands on the top, in the table's frame: nothing touches anything else.
 
     What stands at the rim and what is added until enough is covered is drawn from ``crowd``.
     """
-    parts: list[Part] = []
+    parts: list[MeshPart] = []
     taken: list[shapely.Polygon] = []
     scale = float(np.clip(np.sqrt(top.polygon.area) / 0.9, 0.5, 1.0))
     for i in range(clutter.flush + clutter.overhang):
@@ -51,12 +51,12 @@ def draw_clutter(
             inside = at((place - outwards * across / 2), pose.yaw)
             hanging = box(along, 0.004, top.height - 0.18, top.height + 0.003)
             parts += [
-                Part(runner.placed(inside), drawn_colour(rng)),
-                Part(hanging.placed(flap), drawn_colour(rng)),
+                MeshPart(runner.placed(inside), drawn_colour(rng)),
+                MeshPart(hanging.placed(flap), drawn_colour(rng)),
             ]
         else:
             parts.append(
-                Part(
+                MeshPart(
                     box(along, across, top.height, top.height + tall).placed(pose),
                     drawn_colour(rng),
                 )
@@ -86,9 +86,9 @@ def _at_the_rim(
     taken: list[shapely.Polygon],
     scale: float,
     rng: np.random.Generator,
-) -> list[Part]:
+) -> list[MeshPart]:
     """Draw things that stand all round, a centimetre or so inside of the rim."""
-    parts: list[Part] = []
+    parts: list[MeshPart] = []
     ring = shapely.LinearRing(top.outline)
     start = float(rng.uniform(0, ring.length))
     for i in range(clutter.rim):
@@ -107,9 +107,9 @@ def _crowd(
     top: Top,
     taken: list[shapely.Polygon],
     rng: np.random.Generator,
-) -> list[Part]:
+) -> list[MeshPart]:
     """Draw more things, ever smaller ones, until what stands there covers enough of the top."""
-    parts: list[Part] = []
+    parts: list[MeshPart] = []
     low, high = top.outline.min(axis=0), top.outline.max(axis=0)
     for scale in np.linspace(*_CROWD_SCALES, _TRIES) if clutter.cover else ():
         covered = shapely.union_all(taken).intersection(top.polygon).area
@@ -127,7 +127,7 @@ def _crowd(
 
 def _stood(
     thing: _Thing, places: Floats, yaws: Floats, top: Top, taken: list[shapely.Polygon]
-) -> list[Part]:
+) -> list[MeshPart]:
     """Return a thing at the first of the places that is free, and take it; else nothing.
 
     Free is where it touches nothing else and does not reach over the rim.
@@ -152,7 +152,7 @@ class _Thing:
     footprint: (n, 2), its outline on the top
     """
 
-    part: Part
+    part: MeshPart
     footprint: Floats
     radius: float
 
@@ -166,17 +166,17 @@ def _item(kind: str, scale: float, rng: np.random.Generator) -> _Thing:
     reflectance = float(rng.uniform(0.25, 0.9))
     if kind == "cylinder":
         diameter, tall = scale * rng.uniform((0.05, 0.08), (0.1, 0.25))
-        solid = Part(cylinder(diameter, 0.0, tall), colour, reflectance)
+        solid = MeshPart(cylinder(diameter, 0.0, tall), colour, reflectance)
         return _Thing(solid, diameter / 2 * _CIRCLE, diameter / 2)
     if kind == "bowl":
         radius = scale * float(rng.uniform(0.07, 0.12))
         profile = [(0.4 * radius, 0.0), (radius, 0.6 * radius), (0.93 * radius, 0.6 * radius)]
-        solid = Part(revolve([*profile, (0.35 * radius, 0.008)]), colour, reflectance)
+        solid = MeshPart(revolve([*profile, (0.35 * radius, 0.008)]), colour, reflectance)
         return _Thing(solid, radius * _CIRCLE, radius)
     low, high = ((0.1, 0.08, 0.06), (0.28, 0.22, 0.3))
     if kind == "book":
         low, high = ((0.15, 0.12, 0.01), (0.3, 0.22, 0.05))
     along, across, tall = scale * rng.uniform(low, high)
-    solid = Part(box(along, across, 0.0, tall), colour, reflectance)
+    solid = MeshPart(box(along, across, 0.0, tall), colour, reflectance)
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2 * (along, across)
     return _Thing(solid, corners, float(np.hypot(along, across)) / 2)

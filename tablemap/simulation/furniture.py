@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 
 from tablemap.geometry import Floats, Pose2
-from tablemap.simulation.meshes import Part, at, box, cylinder
+from tablemap.simulation.meshes import MeshPart, at, box, cylinder
 from tablemap.simulation.shapes import Top
 
 _PALETTE = (
@@ -53,12 +53,12 @@ def stool_places(
     return places
 
 
-def stool_parts(height: float, rng: np.random.Generator) -> list[Part]:
+def stool_parts(height: float, rng: np.random.Generator) -> list[MeshPart]:
     """Return a square stool round the origin."""
     return plain_table(_STOOL, _STOOL, height, rng)
 
 
-def chair_parts(rng: np.random.Generator) -> list[Part]:
+def chair_parts(rng: np.random.Generator) -> list[MeshPart]:
     """Return a chair round the origin, its back at positive x."""
     colour = drawn_colour(rng)
     seat = float(rng.uniform(0.43, 0.47))
@@ -74,10 +74,10 @@ def chair_parts(rng: np.random.Generator) -> list[Part]:
         box(0.03, 0.03, seat, seat + 0.12).placed(Pose2(0.2, sy * 0.18, 0.0)) for sy in (-1, 1)
     ]
     solids = [box(0.42, 0.42, seat - 0.03, seat), back, *legs, *posts]
-    return [Part(solid, colour) for solid in solids]
+    return [MeshPart(solid, colour) for solid in solids]
 
 
-def couch_parts(length: float, rng: np.random.Generator) -> list[Part]:
+def couch_parts(length: float, rng: np.random.Generator) -> list[MeshPart]:
     """Return a couch along x, its back at positive y."""
     colour = drawn_colour(rng)
     seat = box(length, 0.8, 0.1, 0.42)
@@ -88,10 +88,12 @@ def couch_parts(length: float, rng: np.random.Generator) -> list[Part]:
         for sx in (-1, 1)
         for sy in (-1, 1)
     ]
-    return [Part(solid, colour, 0.5) for solid in (seat, back, *arms, *feet)]
+    return [MeshPart(solid, colour, 0.5) for solid in (seat, back, *arms, *feet)]
 
 
-def plain_table(length: float, width: float, height: float, rng: np.random.Generator) -> list[Part]:
+def plain_table(
+    length: float, width: float, height: float, rng: np.random.Generator
+) -> list[MeshPart]:
     """Return another table round the origin, on four legs."""
     colour = drawn_colour(rng)
     legs = [
@@ -101,14 +103,14 @@ def plain_table(length: float, width: float, height: float, rng: np.random.Gener
         for sx in (-1, 1)
         for sy in (-1, 1)
     ]
-    return [Part(solid, colour) for solid in (box(length, width, height - 0.03, height), *legs)]
+    return [MeshPart(solid, colour) for solid in (box(length, width, height - 0.03, height), *legs)]
 
 
-def cabinet(length: float, depth: float, height: float, rng: np.random.Generator) -> list[Part]:
+def cabinet(length: float, depth: float, height: float, rng: np.random.Generator) -> list[MeshPart]:
     """Return a cupboard, or a shelf on four posts, round the origin."""
     colour = drawn_colour(rng)
     if rng.random() < 0.6:
-        return [Part(box(length, depth, 0.0, height), colour)]
+        return [MeshPart(box(length, depth, 0.0, height), colour)]
     posts = [
         box(0.04, 0.04, 0.0, height).placed(
             Pose2(sx * (length / 2 - 0.02), sy * (depth / 2 - 0.02), 0)
@@ -117,7 +119,7 @@ def cabinet(length: float, depth: float, height: float, rng: np.random.Generator
         for sy in (-1, 1)
     ]
     boards = [box(length, depth, z, z + 0.02) for z in np.arange(0.3, height, 0.35)]
-    return [Part(solid, colour) for solid in (*posts, *boards)]
+    return [MeshPart(solid, colour) for solid in (*posts, *boards)]
 
 
 def drawn_colour(rng: np.random.Generator) -> tuple[float, float, float]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tablemap.geometry import Floats
-from tablemap.simulation.scenario import Camera
+from tablemap.simulation.scenario import CameraSection
 
 FX, FY, CX, CY = 538.391, 538.085, 315.307, 233.048
 """The intrinsics of the HSR's head camera at 640 x 480 pixels."""
@@ -17,7 +17,7 @@ FX, FY, CX, CY = 538.391, 538.085, 315.307, 233.048
 class Lens:
     """A lens with the intrinsics that the robot publishes, ``recorded_k``, and the true ``k``."""
 
-    def __init__(self, camera: Camera, focal_scale: float) -> None:
+    def __init__(self, camera: CameraSection, focal_scale: float) -> None:
         self.settings = camera
         self.width, self.height = camera.width, camera.height
         sx, sy = camera.width / 640, camera.height / 480

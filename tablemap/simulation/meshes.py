@@ -25,7 +25,7 @@ class Mesh:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class MeshPart:
     """A mesh and what it is made of.
 
     ``reflectance`` (0 to 1) and ``gloss`` decide whether depth is measured at all, ``texture`` (0
@@ -40,7 +40,7 @@ class Part:
     glass: bool = False
     texture: float = 0.9
 
-    def of(self, mesh: Mesh) -> Part:
+    def of(self, mesh: Mesh) -> MeshPart:
         """Return another mesh made of the same."""
         return replace(self, mesh=mesh)
 

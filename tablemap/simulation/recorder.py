@@ -19,8 +19,8 @@ from tablemap.files import whole_files
 from tablemap.geometry import Floats
 from tablemap.simulation import laser as scanner
 from tablemap.simulation.camera import map_from, recorded_mounting
-from tablemap.simulation.ros import Messages, Profile
-from tablemap.simulation.scenario import Camera
+from tablemap.simulation.ros import Profile, RosMessages
+from tablemap.simulation.scenario import CameraSection
 from tablemap.simulation.scene import Scene
 from tablemap.simulation.simulation import Simulation
 from tablemap.simulation.view import View
@@ -64,7 +64,7 @@ def write(simulation: Simulation, path: Path, *, profile: Profile = "ros1") -> N
 
 
 def _write_mcap(simulation: Simulation, path: Path, profile: Profile) -> None:
-    messages = Messages(profile)
+    messages = RosMessages(profile)
     topics = _topics(profile, simulation.scenario.camera)
     with path.open("wb") as stream:
         # Chunks of a few images: a reader that takes one need not unpack a megabyte of scans.
@@ -86,7 +86,7 @@ def _write_mcap(simulation: Simulation, path: Path, profile: Profile) -> None:
         writer.finish()  # type: ignore[no-untyped-call]
 
 
-def _topics(profile: Profile, camera: Camera) -> dict[str, str]:
+def _topics(profile: Profile, camera: CameraSection) -> dict[str, str]:
     rectified = not any(camera.distortion)
     prefix = "/hsrb" if profile == "ros1" else ""
     head = f"{prefix}/head_rgbd_sensor"
@@ -107,7 +107,7 @@ def _topics(profile: Profile, camera: Camera) -> dict[str, str]:
     }
 
 
-def _logged(simulation: Simulation, messages: Messages) -> Iterator[tuple[str, float, bytes]]:
+def _logged(simulation: Simulation, messages: RosMessages) -> Iterator[tuple[str, float, bytes]]:
     """Yield kind, second and bytes of every message in time order."""
     entries = [_Entry(second, "tf", i) for i, second in enumerate(simulation.belief.seconds)]
     entries += [_Entry(second, "scan", i) for i, second in enumerate(simulation.scan_seconds)]
@@ -167,7 +167,7 @@ def _scans(simulation: Simulation) -> NDArray[np.float32]:
 class _Pictures:
     """Takes images one after the other; a stop's view is cast once for all of its images."""
 
-    def __init__(self, simulation: Simulation, messages: Messages) -> None:
+    def __init__(self, simulation: Simulation, messages: RosMessages) -> None:
         self._simulation = simulation
         self._messages = messages
         self._camera = simulation.camera
@@ -213,7 +213,7 @@ class _Pictures:
         return view
 
 
-def _static(simulation: Simulation, messages: Messages) -> bytes:
+def _static(simulation: Simulation, messages: RosMessages) -> bytes:
     stamp_ns = simulation.stamp_ns(simulation.belief.seconds[0])
     none, identity = np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])
     edges = [(stamp_ns, "base_footprint", "base_link", none, identity)]
@@ -222,7 +222,7 @@ def _static(simulation: Simulation, messages: Messages) -> bytes:
     return messages.transforms(edges)
 
 
-def _poses(simulation: Simulation, messages: Messages) -> list[bytes]:
+def _poses(simulation: Simulation, messages: RosMessages) -> list[bytes]:
     """Return the TF message of every time at which the robot publishes its pose."""
     belief, height = simulation.belief, simulation.scenario.robot.camera_height
     tilts, pans = simulation.drive.tilt(belief.seconds), simulation.drive.pan(belief.seconds)

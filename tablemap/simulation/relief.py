@@ -9,7 +9,7 @@ import shapely
 
 from tablemap.geometry import Floats, Pose2
 from tablemap.model.shapes import shape_named
-from tablemap.simulation.meshes import Mesh, Part, refined
+from tablemap.simulation.meshes import Mesh, MeshPart, refined
 from tablemap.simulation.scenario import Ground, Table
 from tablemap.simulation.seeds import Generators, clipped_normal
 from tablemap.simulation.shapes import Top
@@ -107,7 +107,7 @@ class Relief:
         hanging = self.sag * np.maximum(1 - squared, 0.0)
         return np.asarray(places @ self.slope - hanging - self.mean)
 
-    def shaped(self, parts: list[Part], top: Top) -> list[Part]:
+    def shaped(self, parts: list[MeshPart], top: Top) -> list[MeshPart]:
         """Return the table's parts and what stands on it, moved up and down with the top.
 
         What carries the top keeps its feet on the floor.

@@ -15,7 +15,7 @@ Profile = Literal["ros1", "ros2"]
 _TF = "tf2_msgs/msg/TFMessage"
 
 
-class Messages:
+class RosMessages:
     """Makes serialised messages of one profile."""
 
     def __init__(self, profile: Profile) -> None:

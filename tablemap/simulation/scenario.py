@@ -21,13 +21,13 @@ SUITES = ("report", "hard", "real_sensors")
 Item = Literal["box", "book", "cylinder", "bowl"]
 
 
-class Section(BaseModel):
+class ScenarioSection(BaseModel):
     """A group of settings: frozen, and closed to unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class Legs(Section):
+class LegsSection(ScenarioSection):
     """What carries the top. ``section`` is a leg's cross-section, ``size`` its diameter or side."""
 
     layout: Literal["four", "three", "pedestal", "trestle", "panels", "polygon", "none"] = "four"
@@ -40,7 +40,7 @@ class Legs(Section):
     reflectance: float | None = Field(default=None, gt=0, le=1, description="None: as the top's")
 
 
-class Table(Section):
+class Table(ScenarioSection):
     """The table that is to be modelled; which sizes apply depends on ``shape``."""
 
     shape: ShapeName
@@ -64,14 +64,14 @@ class Table(Section):
     gloss: float = Field(default=0.0, ge=0, le=1, description="share of the top without depth")
     texture: float = Field(default=0.9, ge=0, le=1, description="what stereo can match of the top")
     colour: tuple[float, float, float] = (0.72, 0.55, 0.36)
-    legs: Legs = Legs()
+    legs: LegsSection = LegsSection()
     pose: tuple[float, float, float] | None = Field(default=None, description="None: drawn")
     slope_sigma_deg: float = Field(default=0.0, ge=0, description="about either axis")
     sag: float = Field(default=0.0, ge=0, description="of the middle below the corners, or the rim")
     size_spread: float = Field(default=0.1, ge=0, lt=0.5)
 
 
-class Clutter(Section):
+class Clutter(ScenarioSection):
     """What stands on the top; ``overhang``, ``flush`` and ``rim`` are how many do so.
 
     Things at the rim stand a centimetre or so inside of it. Then more are added until ``cover`` of
@@ -86,7 +86,7 @@ class Clutter(Section):
     cover: float = Field(default=0.0, ge=0, le=0.6)
 
 
-class Surroundings(Section):
+class Surroundings(ScenarioSection):
     """The room and what else is in it."""
 
     room: Literal["furnished", "plain", "hall", "corridor"] = Field(
@@ -107,7 +107,7 @@ class Surroundings(Section):
     moved: int = Field(default=0, ge=0, description="pieces of furniture moved halfway")
 
 
-class Robot(Section):
+class Robot(ScenarioSection):
     """Where the robot drives and when it looks."""
 
     camera_height: float = Field(default=1.09, gt=0)
@@ -133,7 +133,7 @@ class Robot(Section):
     colour: bool = True
 
 
-class Camera(Section):
+class CameraSection(ScenarioSection):
     """The depth camera, by its principle, and its errors.
 
     ``noise`` multiplies what varies from pixel to pixel. ``flying``, ``multipath`` and ``lit_deg``
@@ -191,14 +191,14 @@ class Camera(Section):
     height: int = Field(default=480, ge=24)
 
 
-class Head(Section):
+class Head(ScenarioSection):
     """Errors of the head's encoders, drawn anew each time that the head comes to rest."""
 
     pan_sigma_deg: float = Field(default=0.0, ge=0)
     tilt_sigma_deg: float = Field(default=0.0, ge=0)
 
 
-class Ground(Section):
+class Ground(ScenarioSection):
     """An uneven floor. That the base leans on it is a setting of its own."""
 
     lean_sigma_deg: float = Field(default=0.0, ge=0, description="roll and pitch at each stop")
@@ -206,7 +206,7 @@ class Ground(Section):
     wave_length: float = Field(default=1.5, gt=0)
 
 
-class Laser(Section):
+class Laser(ScenarioSection):
     """Errors of the laser scanner."""
 
     noise_sigma: float = Field(default=0.01, ge=0)
@@ -225,7 +225,7 @@ class Laser(Section):
     )
 
 
-class Wheels(Section):
+class Wheels(ScenarioSection):
     """Errors of the wheel odometry."""
 
     scale_sigma: float = Field(default=0.008, ge=0)
@@ -234,7 +234,7 @@ class Wheels(Section):
     yaw_noise_deg_per_sqrt_metre: float = Field(default=0.15, ge=0)
 
 
-class Localisation(Section):
+class Localisation(ScenarioSection):
     """Errors of the pose in the map: a jump on the way to each stop, and a slow wander."""
 
     sigma: float = Field(default=0.06, ge=0)
@@ -243,7 +243,7 @@ class Localisation(Section):
     yaw_wander_deg: float = Field(default=0.1, ge=0)
 
 
-class Scenario(Section):
+class Scenario(ScenarioSection):
     """One world, one robot and its errors. ``name`` is the file's stem."""
 
     name: str
@@ -253,7 +253,7 @@ class Scenario(Section):
     clutter: Clutter = Clutter()
     surroundings: Surroundings = Surroundings()
     robot: Robot = Robot()
-    camera: Camera = Camera()
+    camera: CameraSection = CameraSection()
     head: Head = Head()
     ground: Ground = Ground()
     laser: Laser = Laser()

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tablemap.geometry import Floats
-from tablemap.simulation.meshes import Part
+from tablemap.simulation.meshes import MeshPart
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class Hits:
 class Scene:
     """Parts to cast rays at. ``parts`` keeps their order: `Hits.parts` are indices into it."""
 
-    def __init__(self, parts: Sequence[Part]) -> None:
+    def __init__(self, parts: Sequence[MeshPart]) -> None:
         import open3d as o3d
 
         self.parts = tuple(parts)

@@ -12,7 +12,7 @@ from tablemap.simulation.attitude import Attitude, draw_attitude
 from tablemap.simulation.camera import CameraErrors, DepthCamera, map_from, recorded_mounting
 from tablemap.simulation.drive import Belief, Drive, believe, draw_drive
 from tablemap.simulation.laser import LaserErrors
-from tablemap.simulation.meshes import Part
+from tablemap.simulation.meshes import MeshPart
 from tablemap.simulation.scenario import Robot, Scenario
 from tablemap.simulation.scene import Scene
 from tablemap.simulation.seeds import Generators, generators
@@ -57,7 +57,7 @@ class Simulation:
         rest = self.rest_at(second)
         return rest if rest >= 0 and second <= self.drive.rests[rest, 1] else None
 
-    def parts(self, *, moved: bool) -> tuple[Part, ...]:
+    def parts(self, *, moved: bool) -> tuple[MeshPart, ...]:
         """Return everything that stands in the room and is not glass, before or after the move."""
         standing = tuple(part for part in self.world.parts if not part.glass)
         return standing + (self.world.after if moved else self.world.before)

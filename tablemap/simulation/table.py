@@ -9,8 +9,8 @@ import shapely
 
 from tablemap.geometry import Floats, Pose2
 from tablemap.model.shapes import RECTANGLE, SQUARE, ShapeRecord, shape_named
-from tablemap.simulation.meshes import Mesh, Part, at, box, cylinder, inset, loft, plate, prism
-from tablemap.simulation.scenario import Legs, Table
+from tablemap.simulation.meshes import Mesh, MeshPart, at, box, cylinder, inset, loft, plate, prism
+from tablemap.simulation.scenario import LegsSection, Table
 from tablemap.simulation.shapes import Top
 
 _APRON_THICKNESS = 0.018
@@ -18,7 +18,7 @@ _LEG_COLOUR = (0.35, 0.3, 0.28)
 
 
 @dataclass(frozen=True, eq=False)
-class Leg:
+class SimulatedLeg:
     """A leg in the table's frame; ``length`` is a circle's diameter."""
 
     shape: ShapeRecord
@@ -37,7 +37,9 @@ class Leg:
         return {"shape": self.shape.name, **place, "dimensions": dimensions}
 
 
-def draw_legs(legs: Legs, top: Top, rng: np.random.Generator, *, nominal: bool) -> list[Leg]:
+def draw_legs(
+    legs: LegsSection, top: Top, rng: np.random.Generator, *, nominal: bool
+) -> list[SimulatedLeg]:
     """Draw where the legs stand, in the table's frame."""
     spread = 0.0 if nominal else legs.inset_spread
     depth = max(legs.inset + spread * float(rng.uniform(-1, 1)), legs.size / 2)
@@ -53,7 +55,7 @@ def draw_legs(legs: Legs, top: Top, rng: np.random.Generator, *, nominal: bool) 
     if legs.layout == "panels":
         panel = 0.8 * width
         across = (sx * (length / 2 - depth) for sx in (-1, 1))
-        return [Leg(RECTANGLE, Pose2(x, 0.0, np.pi / 2), panel, legs.size) for x in across]
+        return [SimulatedLeg(RECTANGLE, Pose2(x, 0.0, np.pi / 2), panel, legs.size) for x in across]
     if legs.layout == "polygon":
         convex = _convex(top.corners)
         return [_leg(legs, at(place, 0.0)) for place in inset(top.corners, depth)[convex]]
@@ -68,13 +70,13 @@ def draw_legs(legs: Legs, top: Top, rng: np.random.Generator, *, nominal: bool) 
     return [_leg(legs, at(place, 0.0)) for place in around]
 
 
-def table_parts(table: Table, top: Top, legs: list[Leg]) -> list[Part]:
+def table_parts(table: Table, top: Top, legs: list[SimulatedLeg]) -> list[MeshPart]:
     """Return the table's solids in its own frame, its top first."""
     under = top.height - table.thickness
     slab = plate(top.outline, under, top.height, edge=table.edge, edge_size=table.edge_size)
     if table.cloth:
         slab = _cloth(top, table.cloth)
-    parts = [Part(slab, table.colour, table.reflectance, table.gloss, texture=table.texture)]
+    parts = [MeshPart(slab, table.colour, table.reflectance, table.gloss, texture=table.texture)]
     if table.apron:
         outer = inset(top.outline, table.apron_inset)
         inner = inset(top.outline, table.apron_inset + _APRON_THICKNESS)
@@ -83,29 +85,29 @@ def table_parts(table: Table, top: Top, legs: list[Leg]) -> list[Part]:
             board = prism(
                 np.array([outer[i], outer[j], inner[j], inner[i]]), under - table.apron, under
             )
-            parts.append(Part(board, table.colour, table.reflectance))
+            parts.append(MeshPart(board, table.colour, table.reflectance))
     for leg in legs:
         if leg.shape.is_elliptic:
             solid = cylinder(leg.length, 0.0, under)
         else:
             solid = box(leg.length, leg.width, 0.0, under)
         reflectance = table.legs.reflectance or table.reflectance
-        parts.append(Part(solid.placed(leg.pose), _LEG_COLOUR, reflectance))
+        parts.append(MeshPart(solid.placed(leg.pose), _LEG_COLOUR, reflectance))
     span = float(np.ptp(top.outline[:, 1]))
     if table.legs.layout == "pedestal":
-        parts.append(Part(cylinder(0.6 * span, 0.0, 0.03), _LEG_COLOUR))
+        parts.append(MeshPart(cylinder(0.6 * span, 0.0, 0.03), _LEG_COLOUR))
     if table.legs.layout == "trestle":
         for x in sorted({leg.pose.x for leg in legs}):
             for low, high in ((0.0, 0.05), (under - 0.05, under)):
                 bar = box(table.legs.size, 0.8 * span, low, high).placed(Pose2(x, 0.0, 0.0))
-                parts.append(Part(bar, _LEG_COLOUR))
+                parts.append(MeshPart(bar, _LEG_COLOUR))
     return parts
 
 
-def _leg(legs: Legs, pose: Pose2) -> Leg:
+def _leg(legs: LegsSection, pose: Pose2) -> SimulatedLeg:
     section = shape_named(legs.section)
     # A square leg is a rectangle in table.json.
-    return Leg(section if section.is_section else RECTANGLE, pose, legs.size, legs.size)
+    return SimulatedLeg(section if section.is_section else RECTANGLE, pose, legs.size, legs.size)
 
 
 def _convex(corners: Floats) -> list[int]:

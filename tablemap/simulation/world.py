@@ -18,12 +18,12 @@ from tablemap.simulation.furniture import (
     stool_parts,
     stool_places,
 )
-from tablemap.simulation.meshes import Part, at, box, cylinder, prism
+from tablemap.simulation.meshes import MeshPart, at, box, cylinder, prism
 from tablemap.simulation.relief import Relief, Waves, draw_relief, draw_waves, wavy_floor
 from tablemap.simulation.scenario import Scenario
 from tablemap.simulation.seeds import Generators
 from tablemap.simulation.shapes import Top, draw_top, place_top
-from tablemap.simulation.table import Leg, draw_legs, table_parts
+from tablemap.simulation.table import SimulatedLeg, draw_legs, table_parts
 
 _WALL_HEIGHT = 2.4
 
@@ -49,12 +49,12 @@ class Person:
         aside = 0.11 * np.array([-ahead[1], ahead[0]])
         return np.stack([middle + step + aside, middle - step - aside], axis=1)
 
-    def parts(self, second: float) -> list[Part]:
+    def parts(self, second: float) -> list[MeshPart]:
         """Return the body at a time, for the depth camera."""
         ankles = self.ankles(np.array([second]))[0]
         legs = [cylinder(self.ankle, 0.0, 0.85).placed(at(ankle, 0.0)) for ankle in ankles]
         torso = cylinder(0.4, 0.85, 1.75).placed(at(ankles.mean(axis=0), 0.0))
-        return [Part(solid, (0.3, 0.35, 0.55)) for solid in (*legs, torso)]
+        return [MeshPart(solid, (0.3, 0.35, 0.55)) for solid in (*legs, torso)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,10 +68,10 @@ class World:
 
     top: Top
     map_from_table: Pose2
-    legs: tuple[Leg, ...]
-    parts: tuple[Part, ...]
-    before: tuple[Part, ...]
-    after: tuple[Part, ...]
+    legs: tuple[SimulatedLeg, ...]
+    parts: tuple[MeshPart, ...]
+    before: tuple[MeshPart, ...]
+    after: tuple[MeshPart, ...]
     people: tuple[Person, ...]
     path: shapely.LinearRing
     away_from_wall: float
@@ -134,13 +134,13 @@ def draw_world(scenario: Scenario, generator: Generators, *, nominal: bool) -> W
     )
 
 
-def _moved(parts: list[Part], pose: Pose2) -> list[Part]:
+def _moved(parts: list[MeshPart], pose: Pose2) -> list[MeshPart]:
     return [part.of(part.mesh.placed(pose)) for part in parts]
 
 
 def _neighbour(
     top: Top, rng: np.random.Generator, *, side: int
-) -> tuple[list[Part], shapely.Polygon]:
+) -> tuple[list[MeshPart], shapely.Polygon]:
     """Draw another table beside the first, across its length, with a gap between them."""
     length, width = rng.uniform((0.9, 0.6), (1.3, 0.8))
     gap = float(rng.uniform(0.15, 0.3))
@@ -176,7 +176,7 @@ def _walls(
     frame: Pose2,
     waves: Waves | None,
     rng: np.random.Generator,
-) -> list[Part]:
+) -> list[MeshPart]:
     xmin, ymin, xmax, ymax = (float(value) for value in room)
     corners = np.array([[xmin, ymin], [xmax, ymin], [xmax, ymax], [xmin, ymax]])
     beyond = np.array([[-4.0, -4.0], [4.0, -4.0], [4.0, 4.0], [-4.0, 4.0]])
@@ -184,7 +184,7 @@ def _walls(
     floor = prism(outline, -0.1, 0.0).placed(frame)
     if waves:
         floor = wavy_floor(waves, outline[0], outline[2], frame)
-    parts: list[Part] = []
+    parts: list[MeshPart] = []
     glass_side = int(rng.integers(4)) if scenario.surroundings.glass else -1
     if scenario.surroundings.against_wall and glass_side == 2:
         glass_side = 0
@@ -198,23 +198,25 @@ def _walls(
         outwards = 2.5 if side == glass_side else 0.0
         wall = at((middle + out * (0.05 + outwards)), yaw)
         wide = box(length + (8.0 if outwards else 0.2), 0.1, 0.0, _WALL_HEIGHT)
-        parts.append(Part(wide.placed(wall), (0.85, 0.84, 0.8)))
+        parts.append(MeshPart(wide.placed(wall), (0.85, 0.84, 0.8)))
         if outwards:
             pane = at((middle + out * 0.005), yaw)
             parts.append(
-                Part(box(length, 0.01, 0.0, _WALL_HEIGHT).placed(pane), (0.7, 0.8, 0.8), glass=True)
+                MeshPart(
+                    box(length, 0.01, 0.0, _WALL_HEIGHT).placed(pane), (0.7, 0.8, 0.8), glass=True
+                )
             )
         elif scenario.surroundings.room == "furnished":
             skirting = at((middle - out * 0.0075), yaw)
-            parts.append(Part(box(length, 0.015, 0.0, 0.08).placed(skirting), (0.5, 0.4, 0.3)))
+            parts.append(MeshPart(box(length, 0.015, 0.0, 0.08).placed(skirting), (0.5, 0.4, 0.3)))
             pillar = at((middle + along * length * rng.uniform(-0.35, 0.35) - out * 0.08), yaw)
             against = scenario.surroundings.against_wall and side == 2
             if not against:
                 size = float(rng.uniform(0.2, 0.45))
                 parts.append(
-                    Part(box(size, 0.16, 0.0, _WALL_HEIGHT).placed(pillar), (0.8, 0.78, 0.74))
+                    MeshPart(box(size, 0.16, 0.0, _WALL_HEIGHT).placed(pillar), (0.8, 0.78, 0.74))
                 )
-    return [Part(floor, (0.62, 0.6, 0.56)), *_moved(parts, frame)]
+    return [MeshPart(floor, (0.62, 0.6, 0.56)), *_moved(parts, frame)]
 
 
 def _along_walls(
@@ -223,11 +225,11 @@ def _along_walls(
     frame: Pose2,
     free: shapely.Polygon,
     rng: np.random.Generator,
-) -> list[Part]:
+) -> list[MeshPart]:
     """Put cupboards, shelves and couches against the walls, clear of the robot's path."""
     xmin, ymin, xmax, ymax = (float(value) for value in room)
     taken = [free]
-    parts: list[Part] = []
+    parts: list[MeshPart] = []
     around = scenario.surroundings
     pieces = ["couch"] * around.couches
     pieces += ["cabinet"] * (around.cabinets if around.room == "furnished" else 0)
@@ -261,14 +263,14 @@ def _along_walls(
 
 def _moved_furniture(
     count: int, driven: shapely.Polygon, rng: np.random.Generator
-) -> tuple[tuple[Part, ...], tuple[Part, ...]]:
-    before: list[Part] = []
-    after: list[Part] = []
+) -> tuple[tuple[MeshPart, ...], tuple[MeshPart, ...]]:
+    before: list[MeshPart] = []
+    after: list[MeshPart] = []
     ring = driven.buffer(0.65).exterior
     for _ in range(count):
         along = float(rng.uniform(0, ring.length))
         length, depth, height = rng.uniform((0.3, 0.3, 0.4), (0.6, 0.45, 1.0))
-        piece = [Part(box(length, depth, 0.0, height), (0.5, 0.42, 0.3))]
+        piece = [MeshPart(box(length, depth, 0.0, height), (0.5, 0.42, 0.3))]
         for parts, shift in ((before, 0.0), (after, float(rng.uniform(0.25, 0.8)))):
             place = ring.interpolate((along + shift) % ring.length).coords[0]
             parts += _moved(piece, at(place, float(rng.uniform(0, np.pi))))

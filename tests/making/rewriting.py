@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from tablemap.geometry import Pose2
 from tablemap.simulation import Scenario, simulate, write
-from tablemap.simulation.scenario import Camera, Legs, Robot, Table
+from tablemap.simulation.scenario import CameraSection, LegsSection, Robot, Table
 from tests.making.messages import ROS1, ROS2, png
 
 Dialect = Literal["ros1", "ros2", "foxglove"]
@@ -70,10 +70,10 @@ def simulate_plain(folder: Path) -> Path:
             width=0.8,
             height=0.755,
             size_spread=0,
-            legs=Legs(size=0.06, inset=0.07),
+            legs=LegsSection(size=0.06, inset=0.07),
         ),
         robot=Robot(images_per_stop=1, colour=False, standing_scan_rate=4),
-        camera=Camera(width=320, height=240),
+        camera=CameraSection(width=320, height=240),
     )
     path = folder / "plain.mcap"
     write(simulate(scenario, seed=1, nominal=True), path, profile="ros2")

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from tablemap.simulation import Scenario, Simulation, load_scenario, simulate, write
 from tablemap.simulation import laser as scanner
-from tablemap.simulation.meshes import Part, prism
+from tablemap.simulation.meshes import MeshPart, prism
 from tablemap.simulation.scenario import Ground, Head
 from tablemap.simulation.scene import Scene
 from tests.making import simulated_log as log
@@ -72,7 +72,7 @@ def test_the_laser_leans_with_the_base() -> None:
     simulated.attitude.lean[:] = 0.0, np.deg2rad(1.0)
     place = simulated.drive.base(np.array([0.0]))[0, :2]
     corners = place + 30.0 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    floor = Scene([Part(prism(corners, -0.1, 0.0), (0.5, 0.5, 0.5))])
+    floor = Scene([MeshPart(prism(corners, -0.1, 0.0), (0.5, 0.5, 0.5))])
     second = simulated.drive.stops[0].mean(keepdims=True)
     errors = scanner.LaserErrors(1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     ranges = scanner.scan(

@@ -8,7 +8,7 @@ import pytest
 from tablemap.geometry import Floats
 from tablemap.simulation import Simulation, load_scenario, simulate
 from tablemap.simulation.bending import FAMILIES, REFERENCE, draw_bend
-from tablemap.simulation.scenario import Camera
+from tablemap.simulation.scenario import CameraSection
 from tablemap.simulation.scene import Scene
 
 
@@ -31,7 +31,7 @@ def ratio(simulated: Simulation, *, progress: float = 0.5) -> tuple[Floats, Floa
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_field_is_smooth_and_as_strong_as_stated(family: str) -> None:
     """Its mean is none, its most a third about what is stated, its steps small; seeds differ."""
-    camera = Camera(bend_percent=1.5, bend_family=family)
+    camera = CameraSection(bend_percent=1.5, bend_family=family)
     fields = [draw_bend(camera, np.random.default_rng(seed)) for seed in range(12)]
     offsets = np.stack([field.offset for field in fields if field])
     most = np.abs(offsets).max(axis=(1, 2))
@@ -53,7 +53,7 @@ def test_a_field_is_no_low_polynomial() -> None:
     for family in ("waves", "patches"):
         left = []
         for seed in range(8):
-            camera = Camera(bend_percent=1.5, bend_family=family, width=32, height=24)
+            camera = CameraSection(bend_percent=1.5, bend_family=family, width=32, height=24)
             field = draw_bend(camera, np.random.default_rng(seed))
             assert field
             offset = field.offset.ravel()

@@ -9,7 +9,7 @@ import pytest
 
 from tablemap.errors import ConfigError
 from tablemap.simulation import Simulation, error_names, load_scenario, simulate, without
-from tablemap.simulation.scenario import ERRORS, Scenario, Section
+from tablemap.simulation.scenario import ERRORS, Scenario, ScenarioSection
 
 SCENARIO = load_scenario("bent_corners")
 DRAWN = {
@@ -87,7 +87,7 @@ def test_every_sigma_is_an_error() -> None:
     """A setting named after a spread that draws a sensor's error is in the list."""
     for name, field in Scenario.model_fields.items():
         section = field.annotation
-        if not (isinstance(section, type) and issubclass(section, Section)):
+        if not (isinstance(section, type) and issubclass(section, ScenarioSection)):
             continue
         for setting in section.model_fields:
             if "sigma" in setting:
