@@ -1,9 +1,9 @@
-"""Where the variance of a figure comes from: a sum of named parts.
+"""The variance of a figure as a sum of named parts.
 
 A fit with priors moves by H^-1 (J' W e + P n), for errors e of the data and n of the nuisances,
-H = J' W J + P. A figure with the gradient g has v = H^-1 g: its variance v' H v falls into v' P v,
-one part for each nuisance, and the rest, which is the data's own noise. The parts of nuisances that
-are bound to each other share out their common part.
+with H = J' W J + P. Let g be the gradient of a figure and v = H^-1 g. The figure's variance v' H v
+has two terms: v' P v, with one part for each nuisance, and the rest, which is the data's own noise.
+Correlated nuisances share their common part.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Every primitive, fitted from its best start; and the hull, for when none is right."""
+"""Every primitive, fitted from its best start, and the hull in case no primitive is right."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from tablemap.stages.surface.status import hold_unseen, own_statuses, sights
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A fitted shape, what the fit leaves open, and its cost.
+    """A fitted shape with its uncertainty and its cost.
 
     ``is_hull`` marks the hull, which is no primitive.
     """
@@ -86,11 +86,11 @@ def fit_candidates(
             for box in fits.get(Rectangle, [])
             for start in kind.starts_in(box.shape.parameters)
         ]
-        # What starts from a fitted rectangle alone is near its place.
+        # A kind that starts only from a fitted rectangle starts near its place.
         gates = (*wide, *narrow) if kind in starts else (wide[1], *narrow)
         fits[kind] = best([*inside, *starts.get(kind, [])], gates)
     simple = [fit for found in fits.values() for fit in found]
-    # The nuisances of a simple shape that fits help the polygons to their places.
+    # The nuisances of the best simple shape place the points well for the search for polygons.
     placed = min(simple, key=_raw_cost, default=None)
     if placed is not None and _inliers(placed, evidence) > 0.8:
         nuisances, points, normals = placed.state, placed.points, placed.normals
@@ -109,11 +109,11 @@ def fit_candidates(
 def _weighed(
     fits: list[list[JointFit]], evidence: Evidence, config: SurfaceConfig, assumed: Noise
 ) -> list[Candidate]:
-    """Fit all again with the noise as it turns out to be, and keep the cheapest of each kind."""
+    """Fit all again with the noise that the residuals show, and keep the cheapest of each kind."""
     everything = [fit for found in fits for fit in found]
     noise, least = assumed, np.inf
     if everything:
-        # What follows the points most closely says what noise is: a wrong shape's misfit is none.
+        # The closest fit shows the noise: the residuals of a wrong shape are not only noise.
         noise = estimate_noise(min(everything, key=_raw_cost), evidence, config)
         least = min(_cost(fit, evidence, config) for fit in everything)
     candidates = []
@@ -147,11 +147,11 @@ def _weighed(
 def _unbent(
     candidates: list[Candidate], evidence: Evidence, config: SurfaceConfig
 ) -> list[Candidate]:
-    """Discount a skew by what a bent drive would make of a rectangle.
+    """Reduce the evidence for skewed shapes, as a bent drive makes a rectangle look skewed.
 
-    What speaks for an angle, d^2 / sigma^2, is worth d^2 / (sigma^2 + skew^2) where the poses may
-    be bent by ``Evidence.skew_sigma``. A parallelogram gives up one right angle, any other figure
-    of four sides three.
+    The evidence for an angle is d^2 / sigma^2. If the poses may be bent by ``Evidence.skew_sigma``,
+    it is only d^2 / (sigma^2 + skew^2). A parallelogram has one free angle more than a rectangle,
+    and any other figure of four sides has three more.
     """
     upright = [c for c in candidates if isinstance(c.fit.shape, Rectangle)]
     if not evidence.skew_sigma or not upright:
@@ -187,7 +187,7 @@ def _settle(
     gates: tuple[float, ...],
     noise: Noise,
 ) -> JointFit:
-    """Fit with each loss scale in turn; before each, anchor the sides that nothing holds."""
+    """Fit with each loss scale in turn; before each, anchor the sides without edge points."""
     if not isinstance(start.shape, Sided):
         return fit_jointly(start, evidence, config, gates=gates, iterations=8, noise=noise)
     fit = measure(start, evidence, config, noise=noise)
@@ -219,7 +219,7 @@ def _promising(
     return [shape for _, shape in ranked[:2]]
 
 
-# A cost above the least at this distance is a weight of nothing.
+# A candidate whose cost exceeds the least cost by this much has a weight of practically zero.
 _HOPELESS = 100.0
 
 _ANY_SHAPE = Circle(np.array([0.0, 0.0, 0.5]))
@@ -265,7 +265,7 @@ def _candidate(
 
 
 def _is_supported(candidate: Candidate, config: SurfaceConfig) -> bool:
-    """Say whether the evidence can speak for this shape at all."""
+    """Tell whether the evidence is able to support this shape."""
     fit = candidate.fit
     if not fit.shape.is_plausible() or not np.isfinite(fit.data_cost):
         return False
@@ -276,7 +276,7 @@ def _is_supported(candidate: Candidate, config: SurfaceConfig) -> bool:
 def _hull_candidate(
     evidence: Evidence, config: SurfaceConfig, noise: Noise, candidates: list[Candidate]
 ) -> Candidate | None:
-    """Take the hull of what was seen as a polygon with as many parameters as it has."""
+    """Take the hull of the seen top as a polygon, with the parameters of all its sides."""
     if candidates:
         fit = min((candidate.fit for candidate in candidates), key=_raw_cost)
         nuisances, points = fit.state, fit.points[fit.misfit < 5]

@@ -18,7 +18,7 @@ _MOST_LAGS = 40
 
 
 def assumed_noise(evidence: Evidence, config: SurfaceConfig) -> Noise:
-    """What is assumed of the scatter before there is a fit to look at."""
+    """Return the assumed scatter of edge points, for use before the first fit."""
     least, most = _kappa_range(evidence, config)
     return Noise(1.0, 1.0, float(np.sqrt(least * most)))
 
@@ -26,8 +26,8 @@ def assumed_noise(evidence: Evidence, config: SurfaceConfig) -> Noise:
 def estimate_noise(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> Noise:
     """Estimate scale and correlation of the scatter from a fit's residuals.
 
-    Kappa is the integrated autocorrelation along each view's contour (Sokal's window), held within
-    the lengths that the configuration gives in pixels.
+    Kappa is the integrated autocorrelation along each view's contour (Sokal's window). It is
+    limited to the range of lengths that the configuration gives in pixels.
     """
     normalised = fit.distance / evidence.sigma
     close = (fit.side >= 0) & (np.abs(normalised) < 8)
@@ -65,7 +65,7 @@ def estimate_noise(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> 
 
 
 def _scatter(normalised: Floats) -> float:
-    """Return how far residuals scatter in units of their sigma; few say nothing."""
+    """Return the scatter of residuals in units of their sigma; 1 for too few residuals."""
     if len(normalised) < 30:
         return 1.0
     return float(np.clip(mad_sigma(normalised), 0.25, 5.0))
@@ -80,23 +80,24 @@ def _kappa_range(evidence: Evidence, config: SurfaceConfig) -> tuple[float, floa
 class Criterion:
     """The Bayesian information criterion of a fit, in two parts; lower is better.
 
-    ``misfit``: robust squared residuals over kappa and what the nuisances strain their priors.
-    ``penalty``: parameters times the logarithm of the effective count, the cells that contradict
-    the outline, and the cost of each symmetry that the shape breaks.
+    - ``misfit``: robust squared residuals divided by kappa, plus the prior cost of the nuisances
+    - ``penalty``: parameters times the logarithm of the effective count, plus the cost of cells
+      that contradict the outline and of each symmetry that the shape breaks
     """
 
     misfit: float
     penalty: float
 
     def cost(self, dispersion: float = 1.0) -> float:
-        """Return the criterion with the misfit over a dispersion (QBIC; Burnham and Anderson 2002,
-        ch. 2.5).
+        """Return the criterion with the misfit divided by a dispersion.
+
+        This is QBIC (Burnham and Anderson 2002, ch. 2.5).
         """
         return self.misfit / dispersion + self.penalty
 
 
 def criterion(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> Criterion:
-    """Weigh how a shape fits against what it takes to do so."""
+    """Return the criterion of a fit: its misfit and the penalty for its parameters."""
     effective = max(len(fit.distance) / fit.noise.kappa, 2.0)
     return Criterion(
         misfit=fit.data_cost / fit.noise.kappa + fit.prior_cost,
@@ -107,9 +108,10 @@ def criterion(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> Crite
 
 
 def dispersion_of(fit: JointFit) -> float:
-    """Return by how much the closest fit's points scatter beyond their sigmas, at least 1.
+    """Return the scatter of the closest fit's points over their sigmas, at least 1.
 
-    Where no model follows the points to their sigmas, what all miss is no evidence for one.
+    If no model fits the points within their sigmas, the misfit that all models share must not
+    decide between them.
     """
     return max(fit.data_cost / max(len(fit.distance), 1), 1.0)
 

@@ -25,22 +25,22 @@ from tablemap.stages.surface.priors import (
 class Evidence:
     """Edge points of all views, sorted by view, and the cells of the plane seen as top or free.
 
-    Everything is relative to ``origin``, so that angles and offsets of lines are hardly correlated.
+    All places are relative to ``origin``, so that angles and offsets of lines hardly correlate.
 
     origin: (2,), a point amid the table, in the map, metres
     in_base, normal_in_base: (N, 2), edge points and outward normals in the base of their view
-    motion: how errors of the camera move the points, in the base of their view
+    motion: derivatives of the points by errors of the camera, in the base of their view
     drop: (N,), of the camera above the top, metres
     view: (N,), snapshot of each point
     poses: (n, 3), x, y, yaw of all snapshots
-    prior_root: (n * ViewCorrections.COUNT, m), times m independent unit normals: corrections
+    prior_root: (n * ViewCorrections.COUNT, m), maps m independent unit normals to corrections
     prior_sources: (m,), what each of these stands for, as `budget.PARTS` names it
     top, free: (c, 2), centres of cells of ``cell`` metres
     spacing_px: typical distance between neighbouring edge points of a view, pixels
     common_mean, common_precision: the prior of `CommonNuisances`, mean (c,) and precision (c, c)
-    pose_sigma: how well the place of a view is known, metres, the median of the views
-    skew_sigma: by how much the drive may be bent, radians; poses from depth alone share the
-        camera's systematic errors, the laser's do not
+    pose_sigma: standard deviation of a view's place, metres, the median of the views
+    skew_sigma: standard deviation of a bend of the drive, radians; poses from depth alone share the
+        camera's systematic errors, poses by laser do not
     """
 
     origin: Floats
@@ -68,7 +68,7 @@ class Evidence:
     skew_sigma: float
 
     def thinned(self, most: int) -> Evidence:
-        """Return the same with about ``most`` of the edge points, evenly along each contour."""
+        """Return this evidence with about ``most`` edge points, evenly along each contour."""
         step = max(len(self.view) // most, 1)
         kept = [np.arange(part.start, part.stop, step) for part in self.view_slices]
         ends = np.cumsum([len(part) for part in kept])
@@ -97,9 +97,9 @@ def gather(
     config: SurfaceConfig,
     sensors: SensorsConfig,
 ) -> tuple[Evidence, tuple[ProcessWarning, ...]]:
-    """Collect what all used views saw of the outline.
+    """Collect the evidence of all used views about the outline.
 
-    Raises `EstimationError` where there are too few edge points for any shape.
+    Raises `EstimationError` if there are too few edge points for any shape.
     """
     warnings: list[ProcessWarning] = []
     known = [v for v in outline.views if 0 <= v.index < len(registration.map_from_base)]
@@ -182,7 +182,7 @@ def turn(vectors: Floats, yaw: Floats) -> Floats:
 
 
 def place(in_base: Floats, view: Ints, poses: Floats) -> Floats:
-    """Map (N, 2) points of their views' bases by (n, 3) poses."""
+    """Map (N, 2) points from the bases of their views (N,) by the poses (n, 3)."""
     return turn(in_base, poses[view, 2]) + poses[view, :2]
 
 
@@ -201,7 +201,7 @@ def _thinned(view: ViewEdges, most: int) -> Ints:
 
 
 def _spacing(views: list[ViewEdges], parts: list[Ints]) -> float:
-    """Typical pixel distance between neighbours: the median of each point's nearest neighbour."""
+    """Return the median distance, pixels, from a point to its nearest neighbour."""
     from scipy.spatial import cKDTree
 
     nearest: list[Floats] = []

@@ -1,4 +1,4 @@
-"""Edges that run inside of the outline: two surfaces of one height may have been taken for one."""
+"""Edges that run inside of the outline: they hint at two surfaces of one height taken for one."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ class InnerEdge:
 def inner_edges(points: Floats, corners: Floats, config: SurfaceConfig) -> list[InnerEdge]:
     """Return the lines that table-edge points (n, 2) form inside of an outline (m, 2).
 
-    An edge point says that something lower begins there. What stands on the top hides it, holes in
-    the depth leave it open: neither is an edge. So a row of them well inside, which the robust fit
-    sets aside, is a gap between two surfaces, or a cut-out that no shape on offer has.
+    At an edge point a lower surface begins. Things on the top and holes in the depth image make no
+    edge points. So a row of edge points well inside the outline is a gap between two surfaces, or a
+    cut-out that no known shape has. The robust fit treats such a row as outliers.
     """
     inside = points[signed_distance(points, corners) < -config.inner_depth]
     if len(inside) < config.inner_points:

@@ -1,4 +1,4 @@
-"""The joint robust fit: one shape to the edge points of all views, poses and scale as nuisances."""
+"""The joint robust fit of one shape to the edge points of all views, with their nuisances."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from tablemap.stages.surface.shapes.straight import Sided
 
 @dataclass(frozen=True, eq=False)
 class Anchor:
-    """Holds a side that no edge point holds: near ``point`` (2,), within ``sigma`` metres.
+    """A prior for a side without edge points: near ``point`` (2,), within ``sigma`` metres.
 
-    Where nothing bounds the side from outside, ``point`` is where the seen top ends.
+    If nothing bounds the side from outside, ``point`` is at the end of the seen top.
     """
 
     side: int
@@ -42,10 +42,12 @@ class JointFit:
 
     state: the shape and the nuisances
     points, normals: (N, 2), with the nuisances applied
-    distance: (N,), metres to the side ``side`` (N,); -1 where a point belongs to none
-    misfit: (N,), the residual over its sigma, endings and wrong normals included
+    distance: (N,), metres to the point's side
+    side: (N,), the side of each point, -1 for a point that belongs to none
+    misfit: (N,), the residual over its sigma; it also counts distance past a side's end, and
+        normals that do not fit
     data_cost: sum of robust squared residuals, not divided by kappa
-    prior_cost: what the nuisances and the anchors cost
+    prior_cost: cost of the nuisances' priors and of the anchors
     """
 
     state: State
@@ -66,16 +68,17 @@ class JointFit:
 
     @property
     def nuisances(self) -> CommonNuisances:
-        """What all views share."""
+        """The nuisances that all views share."""
         return CommonNuisances.unpack(self.state.common)
 
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """What a fit leaves open, neighbours that err together accounted for.
+    """The uncertainty of a fit; it takes into account that neighbouring points err together.
 
-    ``covariance`` (k, k) is of the shape's parameters, ``scale_sigma`` of the depth scale;
-    ``by_scale`` (k,) is how far the parameters move with that, all else at its best.
+    covariance: (k, k), of the shape's parameters
+    scale_sigma: of the depth scale, a share
+    by_scale: (k,), change of the parameters by the depth scale, with all others refitted
     """
 
     covariance: Floats
@@ -85,7 +88,7 @@ class Spread:
 
 @dataclass(frozen=True, eq=False)
 class _Held:
-    """The problem about one state: its residuals, what it costs, and how the anchors pull."""
+    """The fit's problem at one state: the residuals, their cost, and the anchors' terms."""
 
     seen: Residuals
     cost: float
@@ -106,7 +109,7 @@ def fit_jointly(
     """Fit by damped Gauss-Newton with a Geman-McClure loss that narrows.
 
     ``gates`` are the loss's scales in sigmas, wide to narrow (graduated non-convexity, Yang et al.,
-    RA-L 2020); ``iterations`` is spent on each.
+    RA-L 2020). Each gate gets up to ``iterations``.
     """
     state, now, gate = start, None, None
     damping = 1e-4
@@ -138,7 +141,7 @@ def fit_jointly(
 
 
 def measure(state: State, evidence: Evidence, config: SurfaceConfig, *, noise: Noise) -> JointFit:
-    """Measure the points against a shape without moving it."""
+    """Measure the points against a state's shape, without a fit."""
     return _measured(_hold(state, evidence, config, config.loss_sigmas, (), noise), (), noise)
 
 
@@ -164,7 +167,7 @@ def unfitted(shape: Shape, evidence: Evidence) -> State:
 
 
 def corrected_poses(fit: JointFit, evidence: Evidence) -> Floats:
-    """Return all snapshots' poses (n, 3) as the fit has them, relative to the origin."""
+    """Return all snapshots' poses (n, 3) with the fit's corrections, relative to the origin."""
     correction = ViewCorrections.unpack(evidence.prior_root @ fit.state.whitened)
     return evidence.poses + correction.poses
 
@@ -172,7 +175,7 @@ def corrected_poses(fit: JointFit, evidence: Evidence) -> Floats:
 def spread_of(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> Spread:
     """Invert the normal equations at a fit.
 
-    The nuisances' block is eliminated first (Schur), so that the shape's is regular with the ridge.
+    The nuisances are eliminated first (Schur complement); the ridge keeps the rest regular.
     """
     hessian = information_of(fit, evidence, config)
     size = len(fit.shape.parameters)
@@ -198,10 +201,10 @@ def information_of(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> 
     return hessian
 
 
-# A gain in cost that is worth no further iteration: a tenth of a standard deviation.
+# The fit stops at a smaller gain in cost: a tenth of a standard deviation.
 _SETTLED = 5e-3
 
-# Information added to every shape parameter: ten metres, ten radians; so nothing is ever singular.
+# Information added to every shape parameter (ten metres, ten radians): it prevents singularity.
 _RIDGE = 1e-2
 
 

@@ -1,13 +1,14 @@
 """How the errors of a camera move an edge point that lies on the top's plane.
 
-An edge point is a bearing cut with a level plane: depth has no part in it. From a camera a drop h
-above the top, a point at (a, b) ahead and to the left of it moves by
+An edge point is the intersection of a bearing with a level plane: depth has no part in it. Let the
+camera be a drop h above the top, and the point at (a, b) ahead and to the left of the camera. The
+point moves by
 
-- scale s (the top is farther by that share): s (a, b)
+- scale s (the top is farther by this share): s (a, b)
 - pitch p: -p (h + a a / h, a b / h)
 - roll r: r (a b / h, h + b b / h)
 - yaw y: y (-b, a)
-- focal q: what a bearing that is (1 + q) times as far from the optical axis makes of it
+- focal q: the change for a bearing that is (1 + q) times as far from the optical axis
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from tablemap.geometry import Bools, Floats, Ints
 
 @dataclass(frozen=True, eq=False)
 class CameraMotion:
-    """What a unit of each error moves the points by, in the base of their view: (N, 2) each."""
+    """The points' motion by a unit of each error, in the base of their view: (N, 2) each."""
 
     scale: Floats
     roll: Floats
@@ -31,7 +32,7 @@ class CameraMotion:
     focal: Floats
 
     def only(self, chosen: Ints | Bools) -> Self:
-        """Return those of some of the points."""
+        """Return the motion of the chosen points."""
         return type(self)(*(getattr(self, each.name)[chosen] for each in fields(self)))
 
 

@@ -1,7 +1,7 @@
-"""What the joint fit solves for beside the shape: errors of the camera and of the views' poses.
+"""The joint fit's unknowns beside the shape: errors of the camera and of the views' poses.
 
-A nuisance has a name here and nowhere a number: its place in the vectors of the fit follows from
-the order of the fields.
+Code names a nuisance, and never uses its number: the place in the fit's vectors follows from the
+order of the fields.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from tablemap.geometry import Floats
 
 @dataclass(frozen=True)
 class CommonNuisances:
-    """What all views share.
+    """The nuisances that all views share.
 
-    scale: how much farther the top is from the camera than the calibration has it, a share
+    scale: how much farther the top is from the camera than the calibration says, a share
     roll, pitch, yaw: turn of the camera about the axes of the base, or of the head, radians
-    focal: how much farther from the optical axis all bearings are, a share
+    focal: how much farther all bearings are from the optical axis, a share
     near_bias, far_bias: outward bias of near and of far edges, in sigmas of a point
     shift_x, shift_y: shift of the camera in the base, metres
-    set_back: how far within the outline far edges end, metres
+    set_back: distance of far edges inward from the outline, metres
     slope_x, slope_y: slope of the top in the map
     """
 
@@ -67,10 +67,10 @@ CommonNuisances.COUNT = len(fields(CommonNuisances))
 
 @dataclass(frozen=True, eq=False)
 class ViewCorrections:
-    """What each of n views has for itself, each (n,).
+    """The nuisances of each of n views, each (n,).
 
     x, y, yaw: correction of the base's pose, metres and radians
-    scale, roll, pitch, pan: of the camera in this view beside the common ones
+    scale, roll, pitch, pan: errors of the camera in this view, added to the common ones
     """
 
     x: Floats
@@ -95,7 +95,7 @@ class ViewCorrections:
 
     @classmethod
     def place(cls, name: str) -> int:
-        """Return the place of a correction within a view's."""
+        """Return the place of a correction within one view's corrections."""
         return [field.name for field in fields(cls)].index(name)
 
     @classmethod

@@ -1,4 +1,4 @@
-"""Polygons out of straight lines: peeled off a histogram, they cut the plane into cells."""
+"""Polygons from straight lines: lines found in a histogram cut the plane into cells."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from tablemap.stages.surface.shapes.straight import Polygon, Rectilinear, Sided
 
 _MOST_LINES = 16
 _ANGLES = 180
-_BAND = 0.02  # metres either side of a line that its points are taken from
+_BAND = 0.02  # metres: points within this distance of a line belong to it
 _BIN = 0.01  # metres, of a line's offset in the histogram
-_STEP = 0.02  # metres, along a line: what is seen of it is counted in these
+_STEP = 0.02  # metres along a line: its seen length is counted in these steps
 _SNAP = np.radians(5.0)
 
 
 def polygons(
     points: Floats, normals: Floats, evidence: Evidence, config: SurfaceConfig
 ) -> list[Sided]:
-    """Propose polygons with right angles and free ones, from many sides to few.
+    """Propose polygons with right angles and with free angles, from many sides to few.
 
-    ``points`` and ``normals`` (N, 2) are the edge points as well placed as is known by now.
+    ``points`` and ``normals`` (N, 2) are the edge points, placed by the best fit so far.
     """
     lines, lengths = peel(points, normals, config.line_minimum)
     if len(lines) < 3:
@@ -49,9 +49,10 @@ def polygons(
 
 
 def peel(points: Floats, normals: Floats, least: float) -> tuple[Floats, Floats]:
-    """Take straight lines off the (angle, offset) histogram, the longest first.
+    """Find straight lines in the (angle, offset) histogram, the longest first.
 
-    Returns (L, 2) angle of the outward normal and offset, and (L,) the length seen of each, metres.
+    The points of a line found are removed before the next search. Returns angle of the outward
+    normal and offset (L, 2), and the seen length (L,) of each line, metres.
     """
     turn = np.arctan2(normals[:, 1], normals[:, 0])
     # One vote per place and direction, however many views saw it.
@@ -120,7 +121,7 @@ def _seen_length(angle: float, points: Floats) -> float:
 
 
 def _snap(lines: Floats, lengths: Floats) -> tuple[Floats, float | None, np.ndarray]:
-    """Turn lines onto two perpendicular directions where their lengths vote for it."""
+    """Turn lines onto two perpendicular directions if most of their length lies near these."""
     angle = lines[:, 0]
     off = wrap_angles(angle[:, None] - angle[None], np.pi / 2)
     votes = (np.abs(off) < _SNAP) @ lengths
@@ -134,7 +135,7 @@ def _snap(lines: Floats, lengths: Floats) -> tuple[Floats, float | None, np.ndar
 
 
 def _closed(lines: Floats, direction: float, points: Floats, evidence: Evidence) -> Floats:
-    """Add lines where the seen top ends and no edge was found."""
+    """Add lines at ends of the seen top that have no edge."""
     seen = np.concatenate([points, evidence.top])
     added = []
     for quarter in range(4):
@@ -183,7 +184,7 @@ def _count(keys: Ints, votes: Ints) -> Ints:
 
 
 def _on_lines(ring: Floats) -> Polygon | None:
-    """Make a polygon of a counter-clockwise ring, merging what is straight and dropping slivers."""
+    """Make a polygon of a counter-clockwise ring; merge straight runs and drop slivers."""
     for _ in range(len(ring)):
         along = np.roll(ring, -1, axis=0) - ring
         before = ring - np.roll(ring, 1, axis=0)

@@ -1,4 +1,4 @@
-"""What is believed of the nuisances before the edges are looked at."""
+"""The priors of the nuisances in the joint fit."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from tablemap.stages.surface.nuisances import CommonNuisances, ViewCorrections
 
 
 def pose_sigma(registration: Registration) -> float:
-    """Return how well a view's place is known: metres, the views' median."""
+    """Return the standard deviation of a view's place, metres, the views' median."""
     variances = np.diag(registration.covariance).reshape(-1, 3)[:, :2]
     return float(np.sqrt(np.median(variances)))
 
 
 def skew_sigma(registration: Registration, poses: Floats) -> float:
-    """Return by how much the drive may be bent, radians: laser poses are not."""
+    """Return the standard deviation of a bend of the drive, radians; 0 for poses by laser."""
     if registration.source == "laser":
         return 0.0
     return registration.systematic / max(float(np.hypot(*poses[:, :2].T).mean()), 0.1)
@@ -30,11 +30,11 @@ def common_precision(
 ) -> Floats:
     """Return the prior precision (c, c) of the nuisances that all views share.
 
-    How far the camera is from the top, its roll and its pitch are known, and bound to each other,
-    as the calibration left them. What the registration bounds as systematic acts as a camera
-    shifted in every base. A near edge is the side face's; a far one ends where the flat top does:
-    where the rim is bevelled or rounded, millimetres early. On a face that shows, this shows; a
-    small rounding does not.
+    The distance of the camera from the top, its roll and its pitch have the covariance that the
+    calibration found. The registration's systematic error acts like a camera shifted in every base.
+    A near edge belongs to the side face. A far edge ends where the flat top ends: at a bevelled or
+    rounded rim this is millimetres inside. The image of the side face shows a large bevel, but not
+    a small rounding.
     """
     camera = outline.camera
     unknown = sensors.calibrated_depth_scale_sigma_surface
@@ -68,7 +68,7 @@ def common_precision(
     return np.asarray(np.linalg.inv(covariance), dtype=np.float64)
 
 
-_TOP_SLOPE = np.deg2rad(0.1)  # what floor and top leave of the slope of the top
+_TOP_SLOPE = np.deg2rad(0.1)  # sigma of the top's slope, after the calibration by floor and top
 
 
 def corrections_root(
@@ -78,14 +78,14 @@ def corrections_root(
     camera: TopBelief | None,
     sensors: SensorsConfig,
 ) -> tuple[Floats, tuple[str, ...]]:
-    """Return the (n * ViewCorrections.COUNT, m) root of the views' corrections, and its sources.
+    """Return a root (n * ViewCorrections.COUNT, m) of the corrections' covariance, and its sources.
 
-    The sources (m,) are the parts of a budget (`budget.PARTS`) that the columns stand for.
+    The sources (m,) are the parts of a budget (`budget.PARTS`) to which the columns belong.
 
-    Times m independent unit normals it gives corrections as uncertain, and as bound to each other,
-    as is known. The poses' relative covariance has the mean pose in its null space: it stays where
-    it is. Poses (n, 3) also share the scale of what placed them, the laser's ranges or the wheels;
-    without it the depth would be thought to measure its own scale by them.
+    The root times m independent unit normals gives corrections with their prior covariance. The
+    mean pose is in the null space of the poses' relative covariance, and so does not move. The
+    poses (n, 3) also share a scale error, from the laser's ranges or the wheels. Without this term
+    the fit would take the poses' scale as exact, and measure the depth scale by it.
     """
     count = len(poses)
     pose_root = _root(registration.covariance, count)
@@ -111,7 +111,7 @@ def corrections_root(
     return root[:, kept], tuple(s for s, keep in zip(sources, kept, strict=True) if keep)
 
 
-_OWN = 4  # of a view: how far its camera is from the top, roll, pitch and pan
+_OWN = 4  # corrections of a view's camera: scale, roll, pitch and pan
 
 
 def _root(covariance: Floats, count: int) -> Floats:

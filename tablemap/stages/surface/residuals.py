@@ -1,4 +1,4 @@
-"""Edge points against a shape under its nuisances, and the normal equations that this gives."""
+"""Residuals of edge points against a shape with its nuisances, and the normal equations."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ _STRAY = 1e6  # the misfit, in sigmas, of a point that belongs to no side
 
 @dataclass(frozen=True)
 class Noise:
-    """How edge points scatter: ``near`` and ``far`` multiply the sigma of near and of far edges.
+    """The scatter of edge points.
 
-    ``kappa`` neighbouring points count as one.
+    near, far: factors on the sigmas of near and of far edges
+    kappa: this many neighbouring points count as one
     """
 
     near: float
@@ -34,12 +35,12 @@ class Noise:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """What is solved for, and where a fit starts.
+    """The unknowns of a fit.
 
     shape: its parameters (k,) come first in the equations
     common: `CommonNuisances` (c,)
-    whitened: (m,), the views' corrections in units of their prior: ``Evidence.prior_root`` times it
-        are `ViewCorrections`
+    whitened: (m,), the views' corrections in units of their prior; ``Evidence.prior_root`` times
+        this vector gives the `ViewCorrections`
     """
 
     shape: Shape
@@ -59,11 +60,15 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Residuals:
-    """Points (N, 2) and outward normals (N, 2) as a state places them, and how far off they are.
+    """Edge points as a state places them, and their residuals.
 
-    ``squared`` (N,) are the normalised residuals squared, endings and wrong normals included;
-    ``local`` (N, 2) are the points in their views' bases, ``cosine`` and ``sine`` (N,) of the yaw;
-    ``sigma`` (N,) metres are the points', with the depth scale's ``stretch`` in them.
+    points, normals: (N, 2), metres relative to the origin, and outward unit vectors
+    local: (N, 2), the points in their views' bases, metres
+    cosine, sine: (N,), of the views' yaws
+    stretch: (N,), 1 + the depth scale
+    sigma: (N,), metres, with the stretch included
+    squared: (N,), squared normalised residuals; they include distance past a side's end and
+        normals that do not fit
     """
 
     state: State
@@ -81,7 +86,7 @@ class Residuals:
 
 
 def observe(state: State, evidence: Evidence, config: SurfaceConfig, noise: Noise) -> Residuals:
-    """Place all edge points as a state has it and measure them against its shape."""
+    """Place all edge points by a state's nuisances and measure them against its shape."""
     correction = ViewCorrections.unpack(evidence.prior_root @ state.whitened)
     common = CommonNuisances.unpack(state.common)
     poses = evidence.poses + correction.poses
@@ -94,7 +99,7 @@ def observe(state: State, evidence: Evidence, config: SurfaceConfig, noise: Nois
         common.near_bias * evidence.sigma,
         common.far_bias * evidence.sigma - common.set_back,
     )
-    # A top that slopes is nearer to the camera, or farther, by its height at the point.
+    # A sloping top is nearer to the camera, or farther, by its rise at the point.
     rise = evidence.points @ np.array([common.slope_x, common.slope_y])
     local = evidence.in_base + (scale - rise / evidence.drop)[:, None] * moved.scale
     local += (common.roll + correction.roll)[view, None] * moved.roll
@@ -108,7 +113,7 @@ def observe(state: State, evidence: Evidence, config: SurfaceConfig, noise: Nois
     measure = state.shape.measure(points, normals)
     facing = np.einsum("ij,ij->i", normals, measure.normal)
     stray = (facing < config.normal_cosine) | (measure.side < 0)
-    # A depth scale stretches a point's noise too: without that, small scales would always fit best.
+    # A depth scale stretches a point's noise too: otherwise small scales would always fit best.
     stretch = 1 + scale
     sigma = noise.sigma(evidence) * stretch
     squared = (measure.distance**2 + measure.excess**2) / sigma**2
@@ -125,7 +130,7 @@ def robust(squared: Floats, gate: float) -> Floats:
 
 
 def prior_cost(state: State, evidence: Evidence) -> float:
-    """Return what the nuisances strain their priors."""
+    """Return the cost of the nuisances' priors."""
     strain = state.common - evidence.common_mean
     return float(strain @ evidence.common_precision @ strain + state.whitened @ state.whitened)
 
@@ -135,8 +140,8 @@ def linearise(
 ) -> tuple[Floats, Floats]:
     """Return the normal equations' matrix and gradient, priors of the nuisances included.
 
-    The order is shape, common, whitened. Views are reduced one by one to their few corrections
-    first, as the whitened nuisances couple them all.
+    The order is shape, common, whitened. Each view is first reduced to its few corrections, as the
+    whitened nuisances couple all views.
     """
     weight = 1 / (1 + seen.squared / gate**2) ** 2 / (seen.sigma**2 * noise.kappa)
     weight[seen.stray] = 0.0

@@ -1,4 +1,4 @@
-"""What the surface stage returns: the chosen top, its sides, and what it was chosen from."""
+"""The result of the surface stage: the chosen top, its sides, and all candidates."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tablemap.geometry import Floats, Pose2
 
 @dataclass(frozen=True)
 class Figure:
-    """A value with its standard deviation (None: nothing stands behind one).
+    """A value with its standard deviation (None: no data supports one).
 
     ``status`` is ``measured``, ``inferred`` (seen at one end, or by symmetry) or ``unseen`` (then
     the value is a bound). ``budget`` are the parts of the variance by cause (see
@@ -35,10 +35,12 @@ class SurfaceEdge:
 
 @dataclass(frozen=True, eq=False)
 class Primitive:
-    """A fitted candidate shape, chosen or not. ``outline`` (n, 2) in the map, counter-clockwise.
+    """A fitted candidate shape, chosen or not.
 
-    ``cost`` is the choice's criterion (lower is better), ``score`` its posterior weight among all;
-    ``residuals`` are metres along the normal at the edge points that it was fitted to.
+    outline: (n, 2), metres in the map, counter-clockwise
+    cost: the criterion of the choice, lower is better
+    score: posterior weight among all candidates
+    residuals: metres along the normal, at the edge points of the fit
     """
 
     shape: str
@@ -54,12 +56,14 @@ class Primitive:
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """The chosen top. Conventions of shape, pose, dimensions and outline are table.json's.
+    """The chosen top; shape, pose, dimensions and outline follow the conventions of table.json.
 
-    ``covariance`` (3, 3) of the pose is in the map. ``map_from_base`` are the snapshots' poses with
-    the fit's nuisances applied, by snapshot index. ``points`` (n, 2) are the edge points in the map
-    that the fit used, ``residuals`` (n,) theirs. ``beside`` (n, 2), in the map, is what touches the
-    table at its height and is no part of it.
+    covariance: (3, 3), of the pose x, y, yaw in the map
+    map_from_base: poses of the snapshots with the fit's nuisances applied, by snapshot index
+    points: (n, 2), metres in the map, the edge points that the fit used
+    residuals: (n,), metres, of these points
+    beside: (n, 2), metres in the map, outline of another surface that touches the table at its
+        height
     """
 
     shape: str

@@ -35,7 +35,7 @@ def fit_surface(
 ) -> Surface:
     """Fit every primitive to the table edges of all views at once and choose among them.
 
-    Raises `EstimationError` where too little of the top was seen for any outline.
+    Raises `EstimationError` if too little of the top was seen for any outline.
     """
     evidence, warnings = gather(outline, registration, config, sensors)
     candidates = fit_candidates(evidence, config, np.random.default_rng(seed))
@@ -88,7 +88,7 @@ def fit_surface(
 
 
 def _height(outline: Outline, chosen: Candidate) -> Figure:
-    """Correct the height by how far the edges say that the top is from the camera."""
+    """Correct the height by the fitted scale: the distance of the top from the camera."""
     camera = outline.camera
     if camera is None:
         return Figure(outline.height, _finite(outline.height_sigma))
@@ -158,7 +158,7 @@ def _figures(
         if name == record.angle:
             extra = systematic / min(values[length] for length in record.lengths)
         sigma = float(np.hypot(np.sqrt(max(variance[index], 0.0)), extra))
-        # Where nothing bounds a side from outside, no covariance stands behind its figure.
+        # If nothing bounds a side from outside, the covariance says nothing about its figure.
         is_open = status[name] == UNSEEN and (unbounded or sigma > value)
         figures[name] = Figure(value, None if is_open else sigma, status[name])
     radius = figures.pop("corner_radius", None)
@@ -174,8 +174,8 @@ def _budgeted(
 ) -> tuple[dict[str, Figure], Figure | None]:
     """Return the figures of the chosen shape with the parts of their variance.
 
-    What the fit cannot know is added to its covariance: other shapes that explain the edges nearly
-    as well have other dimensions, and a side that was seen in part may go on otherwise.
+    Two parts are added that the fit's covariance lacks: other shapes that explain the edges nearly
+    as well have other dimensions, and a partly seen side may bend where it was not seen.
     """
     figures, radius = _figures(chosen, config)
     if not figures:
@@ -208,7 +208,7 @@ def _budgeted(
     return result, radius
 
 
-_HIDDEN_M = 0.0005  # metres that a side may bend unseen, for as much again as was seen of it
+_HIDDEN_M = 0.0005  # metres: bend of an unseen part that is as long as the seen part
 
 
 def _unbounded(fit: JointFit) -> bool:
@@ -228,7 +228,7 @@ def _derivative(shape: Shape) -> Floats:
         step = np.zeros(len(shape.parameters))
         step[index] = 1e-6
         change = described(shape.parameters + step) - described(shape.parameters - step)
-        # An axis may come out reversed: its direction is what is meant.
+        # The yaw may jump by half a turn: the axis is the same.
         change[2] = (change[2] + np.pi / 2) % np.pi - np.pi / 2
         result[:, index] = change / 2e-6
     return result
@@ -237,7 +237,7 @@ def _derivative(shape: Shape) -> Floats:
 def _pose_covariance(
     candidate: Candidate, evidence: Evidence, registration: Registration
 ) -> Floats:
-    """Add how well the top is placed among the stops to how well these are placed in the map."""
+    """Add the covariance of the top relative to the stops and that of the stops in the map."""
     fit = candidate.fit
     jacobian = _derivative(fit.shape)[:3]
     relative = jacobian @ candidate.spread.covariance @ jacobian.T
@@ -342,7 +342,7 @@ def _partly_seen(
     figures: dict[str, Figure],
     config: SurfaceConfig,
 ) -> list[tuple[str, str]]:
-    """Say what was not seen, or in part; a doubt only where that leaves the figures open."""
+    """Warn of sides that were not seen, or only in part; doubt the figures that depend on them."""
     if not isinstance(chosen.fit.shape, Sided) or chosen.is_hull:
         if all(figure.status == MEASURED for figure in figures.values()):
             return []
@@ -373,7 +373,7 @@ def _partly_code(sigmas: Sequence[float | None], config: SurfaceConfig) -> str:
 
 
 def _end_sigma(chosen: Candidate, side: int) -> float:
-    """Return how uncertain the worse known end of a straight side is across it, metres."""
+    """Return the standard deviation across a straight side at its less certain end, metres."""
     shape, covariance = chosen.fit.shape, chosen.spread.covariance
     piece = shape.pieces()[side]
     along = piece[1] - piece[0]

@@ -1,7 +1,7 @@
 """Starts for the fits: RANSAC generators, dominant directions, the smallest rectangle round all.
 
-The circle through three points, and the two parallel lines through three points found twice, are
-the bachelor report's generators; the others need no luck.
+Two generators are random and come from the bachelor report: the circle through three points, and
+two parallel lines through three points, found twice. The others are deterministic.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _SAMPLE = 800
 
 
 def circles(evidence: Evidence, config: SurfaceConfig, random: np.random.Generator) -> list[Circle]:
-    """Find the circle through three points that most points lie on, normals agreeing."""
+    """Find the circle through three points on which most points lie, with fitting normals."""
     points, normals = _sample(evidence)
     picks = random.integers(0, len(points), (config.ransac_draws, 3))
     a, b, c = points[picks[:, 0]], points[picks[:, 1]], points[picks[:, 2]]
@@ -62,7 +62,7 @@ def ellipses(rectangles: list[Rectangle], found: list[Circle]) -> list[Ellipse]:
 def parallelograms(
     evidence: Evidence, config: SurfaceConfig, random: np.random.Generator
 ) -> list[Parallelogram]:
-    """Find two parallel lines through three points, twice, which makes a parallelogram."""
+    """Find two parallel lines through three points, twice: they make a parallelogram."""
     points, normals = _sample(evidence)
     first = _parallel_pair(points, normals, config, random)
     if first is None:
@@ -121,7 +121,7 @@ def _between(
     sine = float(np.sin(other - angle))
     if sine < 0.3:
         return None
-    # The first pair's normal is that of the sides which run along the width.
+    # The first pair's normal belongs to the sides along the width.
     middle, other_middle = (low + high) / 2, (other_low + other_high) / 2
     system = np.array([[np.cos(angle), np.sin(angle)], [np.cos(other), np.sin(other)]])
     x, y = np.linalg.solve(system, np.array([middle, other_middle]))
@@ -142,7 +142,7 @@ def _between(
 
 
 def rectangles(evidence: Evidence) -> list[Rectangle]:
-    """Start rectangles along the points' dominant direction, and as the smallest one round all."""
+    """Start rectangles along the points' dominant direction, and the smallest one round all."""
     points, normals = evidence.points, evidence.normals
     turn = np.arctan2(normals[:, 1], normals[:, 0])
     starts = []
@@ -163,7 +163,7 @@ def rectangles(evidence: Evidence) -> list[Rectangle]:
 
 
 def _along(yaw: float, evidence: Evidence) -> Rectangle:
-    """Put each side where most points of its direction lie, or where the seen top ends."""
+    """Put each side where most points with its normal lie, or where the seen top ends."""
     ends = []
     for quarter in range(4):
         angle = yaw + quarter * np.pi / 2
@@ -193,7 +193,7 @@ def _sample(evidence: Evidence) -> tuple[Floats, Floats]:
 def generators(
     evidence: Evidence, config: SurfaceConfig, random: np.random.Generator
 ) -> dict[type[Shape], list[Shape]]:
-    """Return the starts that the points themselves give, by the fit that they start."""
+    """Return the starts that come from the points, by the class of the fit."""
     found = circles(evidence, config, random)
     boxes = rectangles(evidence)
     slanted = parallelograms(evidence, config, random)

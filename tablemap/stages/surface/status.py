@@ -1,4 +1,4 @@
-"""What was measured of an outline, what is inferred and what was not seen; and how well."""
+"""Which sides of an outline are measured, inferred or unseen, and priors for the unseen ones."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from tablemap.stages.surface.joint import Anchor, JointFit
 from tablemap.stages.surface.shapes.sides import INFERRED, MEASURED, UNSEEN, Sight
 from tablemap.stages.surface.shapes.straight import Sided
 
-_STEP = 0.01  # metres between the samples of a side that are seen or not
-_REACH = 0.015  # metres from a sample to an edge point that shows it
-_BOTH_ENDS = 2 / 3  # seen over less of its length, a side was seen at one end
+_STEP = 0.01  # metres between samples of a side
+_REACH = 0.015  # metres: a sample with an edge point this near is seen
+_BOTH_ENDS = 2 / 3  # of its length: a side with a smaller spread was seen at one end only
 
 
 def sights(fit: JointFit) -> tuple[Sight, ...]:
-    """Say of each side how much of it edge points of any view show."""
+    """Return how much of each side the edge points of all views show."""
     result = []
     shown = (fit.side >= 0) & (np.abs(fit.distance) < 0.02) & (fit.misfit < 5)
     for index, piece in enumerate(fit.shape.pieces()):
@@ -43,7 +43,7 @@ def _sampled(piece: Floats) -> Floats:
 
 
 def own_statuses(seen: tuple[Sight, ...], config: SurfaceConfig) -> tuple[str, ...]:
-    """Say of each side whether it was measured, is inferred or unseen, whatever the others are."""
+    """Return each side's status by itself: measured, inferred or unseen."""
     own = []
     for sight in seen:
         if sight.fraction >= config.measured_fraction and sight.spread >= _BOTH_ENDS:
@@ -56,9 +56,9 @@ def own_statuses(seen: tuple[Sight, ...], config: SurfaceConfig) -> tuple[str, .
 
 
 def hold_unseen(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> tuple[Anchor, ...]:
-    """Anchor each straight side that no edge point holds between the last top and the first free.
+    """Anchor each straight side without edge points between the last top and the first free cell.
 
-    Without one the fit drifts by decimetres.
+    Without an anchor such a side drifts by decimetres.
     """
     shape = fit.shape
     if not isinstance(shape, Sided):
@@ -77,7 +77,7 @@ def hold_unseen(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> tup
         reach = np.concatenate([top, edge]) @ outward
         close = np.abs(reach - here) < 0.3
         if len(shape.pieces()) > 4 and close.any():
-            # Of a polygon with arms only the top about this side counts.
+            # In a polygon with arms, only the top near this side counts.
             reach = reach[close]
         last = float(np.percentile(reach, 99)) + evidence.cell / 2 if len(reach) else here
         depth = free @ outward

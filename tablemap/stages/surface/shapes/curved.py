@@ -28,10 +28,10 @@ ARCS = 8
 
 @dataclass(frozen=True, eq=False)
 class Round(Shape):
-    """A curve of `ARCS` arcs, each of which follows from the others."""
+    """A closed curve, divided into `ARCS` arcs; each arc follows from the others."""
 
     longest_gap: ClassVar[int]
-    """Unseen neighbours among the arcs that leave a figure measured."""
+    """A figure still counts as measured with this many unseen arcs in a row."""
 
     @override
     def side_statuses(self, own: tuple[str, ...]) -> tuple[str, ...]:
@@ -200,7 +200,7 @@ class RoundedRectangle(Shape):
         in_corner = (past > 0).all(axis=1)
         reach = np.maximum(np.linalg.norm(past, axis=1), 1e-9)
         along_x = np.abs(facing[:, 0]) > np.abs(facing[:, 1])
-        # On a straight side the data's own normal says which of two opposite sides it is.
+        # The normal of an edge point says to which of two opposite straight sides it belongs.
         straight = np.where(
             np.column_stack([along_x, ~along_x]), np.where(facing >= 0, 1.0, -1.0), 0.0
         )
@@ -267,7 +267,7 @@ class RoundedRectangle(Shape):
 
     @override
     def is_told(self, covariance: Floats, config: SurfaceConfig) -> bool:
-        # A pixel makes a small radius of a sharp corner.
+        # A pixel's size makes a sharp corner look like one with a small radius.
         least = config.corner_resolution + 3 * np.sqrt(covariance[5, 5])
         return bool(self.parameters[5] > least)
 

@@ -1,4 +1,4 @@
-"""Which fit makes which shape: each class carries the record of the shape that it is fitted for."""
+"""All fits of shapes; each class carries the record of the shape that it fits."""
 
 from __future__ import annotations
 
@@ -22,6 +22,6 @@ PRIMITIVES: tuple[type[Shape], ...] = (
     RoundedRectangle,
     Stadium,
 )
-"""Fits with a fixed number of parameters, each tried on every top, in this order."""
+"""Fits with a fixed number of parameters; each is tried on every top, in this order."""
 POLYGONS: tuple[type[Shape], ...] = (Rectilinear, Polygon)
-"""Fits with as many parameters as the top has sides."""
+"""Fits whose number of parameters grows with the number of sides."""

@@ -1,7 +1,7 @@
-"""What a parametric outline is: signed distance with derivatives, conventions, the outline.
+"""The interface of a parametric outline: signed distance with derivatives, and conventions.
 
-Every shape keeps its parameters as one vector in a frame of the map's axes. ``measure`` gives each
-point its signed distance (outside positive) to the part of the boundary whose normal fits.
+Every shape keeps its parameters as one vector in a frame with the map's axes. ``measure`` returns
+each point's signed distance (positive outside) to the part of the boundary whose normal fits.
 """
 
 from __future__ import annotations
@@ -22,11 +22,13 @@ from tablemap.stages.surface.shapes.sides import Sight
 
 @dataclass(frozen=True, eq=False)
 class Measure:
-    """Points against a boundary.
+    """Points measured against a boundary.
 
-    ``distance`` (N,) along the boundary's outward ``normal`` (N, 2); ``excess`` (N,) metres past
-    the end of the straight side it was assigned to; ``jacobian`` (N, k) of distance by parameters;
-    ``side`` (N,) which side, -1 for none.
+    distance: (N,), metres along the boundary's outward normal
+    normal: (N, 2), that unit normal
+    excess: (N,), metres past the end of the straight side that the point was assigned to
+    jacobian: (N, k), derivatives of the distance by the parameters
+    side: (N,), the side, -1 for none
     """
 
     distance: Floats
@@ -66,7 +68,7 @@ class Shape(ABC):
 
     @abstractmethod
     def is_plausible(self) -> bool:
-        """Say whether the parameters still mean a shape."""
+        """Tell whether the parameters describe a valid shape."""
 
     def at(self, parameters: Floats) -> Self:
         """Return the same kind of shape with other parameters."""
@@ -77,23 +79,23 @@ class Shape(ABC):
         return self
 
     def is_shown(self, own: tuple[str, ...]) -> bool:
-        """Say whether sides of these statuses, each by itself, can speak for this shape at all."""
+        """Tell whether sides of these statuses are enough evidence for this shape."""
         return True
 
     def is_told(self, covariance: Floats, config: SurfaceConfig) -> bool:
-        """Say whether a fit of this ``covariance`` (k, k) tells the shape from a simpler one."""
+        """Tell whether a fit of this ``covariance`` (k, k) differs clearly from a simpler shape."""
         return True
 
     def side_statuses(self, own: tuple[str, ...]) -> tuple[str, ...]:
-        """Return each side's status out of what it would have by itself, ``own``."""
+        """Return each side's status, given ``own``, the statuses of the sides by themselves."""
         return own
 
     def dimension_statuses(
         self, seen: tuple[Sight, ...], status: tuple[str, ...]
     ) -> dict[str, str]:
-        """Return each dimension's status: measured needs both sides that bound it.
+        """Return each dimension's status; a measured one needs both sides that bound it.
 
-        ``seen`` and ``status`` are the sides', the status as `side_statuses` returns it.
+        ``seen`` and ``status`` are those of the sides, ``status`` as from `side_statuses`.
         """
         return {}
 

@@ -1,4 +1,4 @@
-"""What was seen of an outline's sides, and what follows for a figure that two of them bound."""
+"""How much of each side was seen, and the status of a figure that two sides bound."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ class Sight:
 
 
 def worst(*status: str) -> str:
-    """Return the status of what all of these bound: the least known one's."""
+    """Return the status of a figure that sides of these statuses bound: the worst one."""
     order = (UNSEEN, INFERRED, MEASURED)
     return min(status, key=order.index)
 
 
 def inferred_at_least(status: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the same for sides that follow from the others where they were not seen."""
+    """Return the statuses of sides that follow from each other: unseen ones are inferred."""
     return tuple(INFERRED if each == UNSEEN else each for each in status)
 
 

@@ -1,4 +1,4 @@
-"""A stadium: a rectangle with half circles for two of its sides, as conference tables have it."""
+"""A stadium, as of conference tables: a rectangle with half circles at two of its sides."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from tablemap.stages.surface.shapes.shape import Measure, Shape, unit
 from tablemap.stages.surface.shapes.sides import INFERRED, MEASURED, UNSEEN, Sight, worst
 
 END_POINTS = 37
-"""Of each half circle, both its ends included: as dense as a circle's outline."""
+"""Points of each half circle, both ends included: as dense as a circle's outline."""
 LEAST_STRAIGHT = 0.05
-"""Metres of straight side; with less it is hardly told from an ellipse, and nobody builds it."""
+"""Least straight side, metres; a shorter one looks like an ellipse's, and nobody builds it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class Stadium(Shape):
         past = np.abs(local[:, 0]) - (length - width) / 2
         at_end = past > 0
         ahead = np.where(local[:, 0] >= 0, 1.0, -1.0)
-        # On a straight side the data's own normal says which of the two it is.
+        # The normal of an edge point says to which of the two straight sides it belongs.
         left = np.where(normals @ axes[1] >= 0, 1.0, -1.0)
         from_centre = np.column_stack([ahead * past, local[:, 1]])
         reach = np.maximum(np.linalg.norm(from_centre, axis=1), 1e-9)
@@ -91,7 +91,7 @@ class Stadium(Shape):
 
     @override
     def is_shown(self, own: tuple[str, ...]) -> bool:
-        # An end that was not seen says neither where it is nor that it is round.
+        # Of an unseen end, neither the place nor the round shape is known.
         return UNSEEN not in (own[0], own[2])
 
     @override
@@ -103,7 +103,7 @@ class Stadium(Shape):
 
     @override
     def side_statuses(self, own: tuple[str, ...]) -> tuple[str, ...]:
-        # A half circle is as wide as the straight sides are apart.
+        # A half circle's diameter is the distance of the straight sides.
         follows = MEASURED in (own[0], own[2])
         return tuple(
             INFERRED if i % 2 and follows and status == UNSEEN else status

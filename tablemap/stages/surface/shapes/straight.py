@@ -24,7 +24,7 @@ from tablemap.stages.surface.shapes.sides import (
 
 @dataclass(frozen=True, eq=False)
 class Sided(Shape):
-    """A polygon of straight sides: each a line ``n(angle) . p = offset`` with outward normal n."""
+    """A polygon whose sides are lines ``n(angle) . p = offset`` with outward normal n."""
 
     @abstractmethod
     def lines(self) -> tuple[Floats, Floats, Floats, Floats]:
@@ -67,7 +67,7 @@ class Sided(Shape):
         )
 
     def against(self, points: Floats, side: Ints) -> Measure:
-        """Measure (N, 2) points against the whole line of the side given for each (N,)."""
+        """Measure (N, 2) points against the infinite line of each point's ``side`` (N,)."""
         angle, offset, by_angle, by_offset = self.lines()
         outward = unit(angle)[side]
         lever = np.sum(points * perpendicular(outward), axis=1)
@@ -171,7 +171,7 @@ class Square(Sided):
 
     @override
     def side_statuses(self, own: tuple[str, ...]) -> tuple[str, ...]:
-        # One pair of sides says what the other, equal to it, did not show.
+        # Both pairs of sides are equally far apart: a seen pair gives the other pair.
         differ = worst(own[0], own[2]) != worst(own[1], own[3])
         return inferred_at_least(own) if differ else own
 
@@ -232,7 +232,7 @@ class Parallelogram(Sided):
         x, y, yaw, length, width, corner = self.parameters
         if length >= width:
             return self
-        # The old width's direction becomes x; from there to the old length reversed is pi - angle.
+        # The old width's direction becomes x. The angle to the reversed old length is pi - angle.
         return self.at(np.array([x, y, yaw + corner, width, length, np.pi - corner]))
 
     @override
@@ -249,9 +249,10 @@ class Parallelogram(Sided):
 
 @dataclass(frozen=True, eq=False)
 class Rectilinear(Sided):
-    """yaw, then the offsets of the distinct lines; ``quarter`` (S,) turns each side's normal.
+    """yaw, then the offsets of the distinct lines.
 
-    ``line`` (S,) says which offset a side has: sides on one line share theirs.
+    quarter: (S,), quarter turns from the yaw to each side's normal
+    line: (S,), index of each side's offset; sides on one line share an offset
     """
 
     quarter: Ints
@@ -293,7 +294,7 @@ class Polygon(Sided):
 
     @override
     def is_shown(self, own: tuple[str, ...]) -> bool:
-        # Nothing says where a free side runs that was not seen.
+        # Nothing determines an unseen side with a free angle.
         return UNSEEN not in own
 
     @override
