@@ -1,4 +1,4 @@
-"""Sub-pixel points along the end of the top, what made each, and their place on the plane."""
+"""Sub-pixel points along the end of the top, the cause of each, and their place on the plane."""
 
 from __future__ import annotations
 
@@ -18,10 +18,13 @@ from tablemap.stages.snapshots import Snapshot
 
 @dataclass(frozen=True, eq=False)
 class Contour:
-    """Edge points in the image: ``place`` (n, 2) column and row in the window, ``outward`` (n, 2).
+    """Edge points in the image.
 
-    ``outward`` are unit vectors in the image. ``gap`` (n,) counts the unknown pixels next to the
-    point; ``is_face`` (n,) says that the image's downward direction leads out of the top here.
+    - ``place``: (n, 2) column and row in the window
+    - ``outward``: (n, 2) unit vectors in the image
+    - ``kind``: (n,) of `EdgeKind`
+    - ``gap``: (n,), number of unknown pixels next to the point
+    - ``is_face``: (n,), whether the image's downward direction points out of the top here
     """
 
     place: Floats
@@ -32,7 +35,7 @@ class Contour:
 
 
 def trace(seen: Occupancy, snapshot: Snapshot, *, config: OutlineConfig) -> Contour:
-    """Find where the top ends, to a fraction of a pixel where something below begins."""
+    """Find the end of the top, to a fraction of a pixel if a lower surface begins there."""
     place = _crossings(seen.share, config.thinning_px)
     step, steep = _outward(seen.share, place)
     place, step = place[steep], step[steep]
@@ -61,9 +64,10 @@ def _down(seen: Occupancy, snapshot: Snapshot, place: Floats) -> Floats:
 
 
 def _crossings(share: NDArray[np.float32], every: int) -> Floats:
-    """Return (n, 2) column and row of the half-share level, on every so-manieth row and column.
+    """Return column and row (n, 2) where the share is one half, on each ``every``-th line.
 
-    Each stretch of the contour is cut by the lines that it crosses more squarely.
+    A part of the contour is cut by the rows or by the columns, whichever it crosses at the steeper
+    angle.
     """
     with np.errstate(invalid="ignore"):
         above = share > 0.5
@@ -82,7 +86,7 @@ def _crossings(share: NDArray[np.float32], every: int) -> Floats:
         middle, line, along = middle[inside], line[inside], along[inside]
         here = np.abs(grid[line, middle + 1] - grid[line, middle - 1])
         across = np.abs(grid[line + 1, middle] - grid[line - 1, middle])
-        # Of a contour at 45 degrees either cut will do, and one of them is taken.
+        # At 45 degrees rows and columns are equally good: take one of them, not both.
         squarely = here >= across if axis == 1 else here > across
         pair = (along, line) if axis == 1 else (line, along)
         places.append(np.column_stack(pair)[squarely])
@@ -90,7 +94,7 @@ def _crossings(share: NDArray[np.float32], every: int) -> Floats:
 
 
 def _outward(image: NDArray[np.float32], place: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return (n, 2) unit vectors down the image's gradient and whether there is a gradient."""
+    """Return unit vectors (n, 2) down the image's gradient, and which points have a gradient."""
     if len(place) == 0:
         return np.zeros((0, 2)), np.zeros(0, dtype=bool)
     u = np.clip(np.round(place[:, 0]).astype(int), 1, image.shape[1] - 2)
@@ -109,7 +113,7 @@ def _outward(image: NDArray[np.float32], place: Floats) -> tuple[Floats, NDArray
 def _sample(
     image: NDArray[np.bool_], place: Floats, step: Floats, distances: Floats
 ) -> NDArray[np.bool_]:
-    """Return (n, k): the image at the pixels nearest to the points so far along their steps."""
+    """Return (n, k): the image's nearest pixels at k distances along the points' steps."""
     at = place[:, None, :] + step[:, None, :] * distances[None, :, None]
     u = np.clip(np.round(at[..., 0]).astype(int), 0, image.shape[1] - 1)
     v = np.clip(np.round(at[..., 1]).astype(int), 0, image.shape[0] - 1)
@@ -120,10 +124,10 @@ def _sample(
 def _judge(
     seen: Occupancy, snapshot: Snapshot, place: Floats, step: Floats, config: OutlineConfig
 ) -> tuple[NDArray[np.uint8], Floats, NDArray[np.bool_]]:
-    """Say what each crossing is, how many pixels near it are unknown, and whether it is one at all.
+    """Return each crossing's kind, the number of unknown pixels near it, and a mask of real ones.
 
-    A table edge has top on one side, deep enough that it is no strip of an upright face, and
-    nothing in front close by.
+    A table edge has top on one side, and nothing in front close by. The top there must be deep
+    enough, so that it is no strip of an upright face.
     """
     n = len(place)
     kind = np.full(n, EdgeKind.TABLE, dtype=np.uint8)
@@ -173,7 +177,7 @@ def _judge(
 def _bends(
     seen: Occupancy, place: Floats, step: Floats, tau: NDArray[np.float32]
 ) -> NDArray[np.bool_]:
-    """Say where no step follows: what lies ahead sinks slowly out of the plane.
+    """Tell which points have no step ahead: the depth sinks slowly out of the plane there.
 
     A side face or a floor lies centimetres lower within some pixels. The corners of real depth
     images sink by two centimetres over their last fifteen pixels, so that near the border of the
@@ -203,7 +207,7 @@ _BENT_BORDER_PX = 24.0
 def _unknown_ends(
     seen: Occupancy, config: OutlineConfig
 ) -> tuple[Floats, Floats, NDArray[np.uint8]]:
-    """Return the ends of the top, to a pixel, where an occluder, no depth or the border is next."""
+    """Return, to a pixel, the ends of the top at an occluder, at missing depth or at the border."""
     kinds = np.full(seen.top.shape, 255, dtype=np.uint8)
     rim = config.border_px
     left, upper, right, lower = seen.border
@@ -234,7 +238,7 @@ def _unknown_ends(
         beside[:-1] |= mask[1:]
         kinds[beside & crowd & seen.top & solid & inside] = kind
     v, u = np.nonzero(kinds != 255)
-    # A diagonal thinning takes one point in so many along rows and columns alike.
+    # Diagonal thinning keeps the same share of points along rows and along columns.
     keep = (u + 2 * v) % config.thinning_px == 0
     v, u = v[keep], u[keep]
     place = np.column_stack([u, v]).astype(np.float64)
@@ -245,7 +249,7 @@ def _unknown_ends(
 def _metres_per_px(
     seen: Occupancy, snapshot: Snapshot, u: NDArray[np.intp], v: NDArray[np.intp]
 ) -> Floats:
-    """Return (n,) what a pixel spans at the plane's distance, across the ray."""
+    """Return (n,) the metres that a pixel spans at the plane, across the ray."""
     fall = np.maximum(-seen.fall[v, u].astype(np.float64), 0.02)
     span: Floats = np.maximum(seen.offset / fall, 0.1) / snapshot.camera.fy
     return span
@@ -272,14 +276,14 @@ def place_on_plane(
     rim: float = 0.0,
     config: OutlineConfig,
 ) -> PlacedContour:
-    """Intersect the edge points' rays with the level plane at the height of all views together.
+    """Intersect the edge points' rays with the level plane at the joint height of all views.
 
-    The view's own ``plane``, which may slope as its depth has it, told top from what lies lower.
-    Where an edge lies is said by its bearing alone.
+    The view's own ``plane``, which may slope with the view's depth, only separated the top from
+    lower surfaces. The place of an edge comes from its bearing alone.
 
-    Where the side face is towards the camera its upper strip passed for top, so the boundary ray
-    meets the face a tolerance (or the whole thickness, where that is less) below the plane. Where
-    the edge is bevelled or rounded the face lies ``rim`` metres further out.
+    If the side face is towards the camera, the upper strip of the face counted as top. So the ray
+    of the boundary meets the face below the plane, by the tolerance or by the whole thickness,
+    whichever is less. At a bevelled or rounded edge the face lies ``rim`` metres further out.
     """
     camera, pose = snapshot.camera, snapshot.base_from_camera
     window = contour.place
@@ -289,7 +293,7 @@ def place_on_plane(
     is_table = contour.kind == EdgeKind.TABLE
     strip = tau
     if thickness is not None:
-        # What is left of a face but a pixel or so high is half lost in the smoothing.
+        # If the rest of the face is only about a pixel high, the smoothing takes half of it.
         left = thickness - tau
         narrow = left < 1.5 * _metres_per_px(seen, snapshot, u, v)
         strip = np.where(narrow, tau + np.where(left > 0, 0.5, 1.0) * left, tau)
@@ -308,7 +312,7 @@ def place_on_plane(
     depth = -(pose[2, 3] - level + lower) / fall
     points = pose[:2, 3] + depth[:, None] * in_base[:, :2]
 
-    # d(xy)/d(pixel): along the ray's change, and along the ray by the change of its depth.
+    # d(xy)/d(pixel): the change of the ray's direction, and the change of the depth along the ray.
     change = []
     for axis, focal in ((0, camera.fx), (1, camera.fy)):
         slope = pose[2, axis] / focal
@@ -338,8 +342,8 @@ def place_on_plane(
     leverage = np.abs(np.sum(normals * away, axis=1))
     pixels_sigma = np.hypot(config.edge_sigma_px, contour.gap * 0.29)
     pixels_sigma[~is_table] = np.maximum(pixels_sigma[~is_table], 1.0)
-    # On a face the crossing itself is as uncertain as a depth there; smoothing over some dozen
-    # pixels mends what they don't share.
+    # On a face the crossing is as uncertain as a depth there. Smoothing over about a dozen pixels
+    # reduces the part of the noise that they do not share.
     smoothed = plane.noise * np.sqrt(plane.shared + (1 - plane.shared) / 12)
     face_sigma = np.where(lower > 0, smoothed * axial_noise(depth) * -fall, 0.0)
     if thickness is None:

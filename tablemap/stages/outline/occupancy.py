@@ -1,4 +1,4 @@
-"""Which pixels are top, which rays passed its plane, and where neither is known."""
+"""Which pixels are top, which rays passed its plane, and which pixels are unknown."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Mask = NDArray[np.bool_]
 Floats32 = NDArray[np.float32]
 
 MARGIN_PX = 28
-"""Pixels of surroundings kept round the top: what an edge point looks at."""
+"""Pixels kept round the top: edge points look at these surroundings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +65,9 @@ def observe(
     config: OutlineConfig,
     sensors: SensorsConfig,
 ) -> Occupancy | None:
-    """Tell top, below, front and missing apart round the pixels labelled as top.
+    """Classify the pixels round the labelled top as top, below, front or missing.
 
-    Returns None where no pixel is labelled so.
+    Returns None if no pixel is labelled as top.
     """
     window = _window(labels)
     if window is None:
@@ -89,7 +89,7 @@ def observe(
     top = level & near_core & (label != Label.OTHER_TOP)
     front |= known & (label == Label.OTHER_TOP)
     below &= ~front
-    # Single flying pixels occlude nothing.
+    # Single flying pixels are no occluders.
     front &= uniform_filter(front.astype(np.float32), 3, mode="nearest") > 3.5 / 9
 
     smooth_top = gaussian_filter(top.astype(np.float32), config.smoothing_px, truncate=3.0)
@@ -131,7 +131,7 @@ def _window(labels: NDArray[np.uint8]) -> tuple[slice, slice] | None:
 
 
 def _tolerance(fall: Floats32, offset: float, noise: float, config: OutlineConfig) -> Floats32:
-    """Return, for each pixel, how far from the plane a depth may be and still pass for top."""
+    """Return, for each pixel, the largest distance from the plane that still counts as top."""
     steep = np.minimum(fall, np.float32(-1e-3))
     on_plane = np.minimum(-np.float32(offset) / steep, np.float32(8.0))
     sigma = np.float32(noise) * axial_noise(on_plane) * -steep
@@ -152,9 +152,9 @@ def _mixed(
     columns: slice,
     config: OutlineConfig,
 ) -> Mask:
-    """Find pixels that hang between the top's edge and what is behind it: they saw both.
+    """Find mixed pixels: they saw both the top's edge and the surface behind it.
 
-    A visible side face hangs there too, and is kept.
+    A visible side face lies between the two as well, and is kept.
     """
     mixed = np.zeros(depth.shape, dtype=bool)
     v, u = np.nonzero(below & (smooth_top > 0.01))
@@ -193,16 +193,17 @@ def _gradient(image: Floats32, v: NDArray[np.intp], u: NDArray[np.intp]) -> Floa
 def _shadowed(
     depth: Floats32, top: Mask, below: Mask, front: Mask, known: Mask, fx: float, baseline: float
 ) -> Mask:
-    """Find missing pixels that a projector beside the camera may have left dark, next to the top.
+    """Find missing pixels next to the top that may lie in the shadow of the sensor's projector.
 
-    They lie in a row between something below and the top, no further from the top than the
-    baseline's parallax, on the side where this sensor's gaps are wide.
+    Such pixels lie in a row between a lower surface and the top. They are no further from the top
+    than the parallax of camera and projector. They lie on the side where this sensor's gaps are
+    wide.
     """
     found = np.zeros(depth.shape, dtype=bool)
     missing = ~known
     if not top.any() or not missing.any():
         return found
-    # Disparity of what is behind near a pixel; along a ragged edge its own row may not show it.
+    # Use the disparity of the background about a pixel: at a ragged edge its own row may lack it.
     weight = uniform_filter(below.astype(np.float32), 17, mode="constant")
     inverse = np.zeros(depth.shape, dtype=np.float32)
     np.divide(1.0, depth, out=inverse, where=below)
@@ -227,7 +228,7 @@ def _shadowed(
         left, right = before[v, u], ahead[v, u]
         background = np.where(in_row[v, u], 1 / z[v, np.maximum(left, 0)], behind[v, u])
         parallax = fx * baseline * (1 / z[v, right] - background)
-        # A gap that something below ends must be no wider than its shadow as a whole.
+        # A gap that ends at a lower surface must not be wider than the whole shadow.
         reach = np.where(in_row[v, u], right - left - 1, right - u)
         inside = reach <= parallax + 2
         v, u, left, right = v[inside], u[inside], left[inside], right[inside]
@@ -244,10 +245,10 @@ def _shadowed(
 def _filled(
     top: Mask, below: Mask, shadowed: Mask, missing: Mask, config: OutlineConfig
 ) -> tuple[Floats32, Floats32]:
-    """Return the smoothed top, and its share of what is known to be top or below.
+    """Return the smoothed top, and its share among the pixels known to be top or below.
 
-    A missing pixel that may be shadowed is evidence: if it were below, it would be missing for
-    certain; if it were top, only by a dropout. Others say nothing.
+    A missing pixel that may be in the shadow is evidence for below: below, it is certainly missing;
+    on the top, only a dropout makes it missing. Other missing pixels say nothing.
     """
 
     def smooth(image: NDArray[np.generic]) -> Floats32:
@@ -279,7 +280,7 @@ def _filled(
 def _border(
     depth: NDArray[np.float32], rows: slice, columns: slice
 ) -> tuple[float, float, float, float]:
-    """Return the window coordinates (left, top, right, bottom) where the image's depths end."""
+    """Return the window coordinates (left, top, right, bottom) of the ends of the depth image."""
     known = np.isfinite(depth[::4, ::4]) & (depth[::4, ::4] > 0)
     v = np.flatnonzero(np.isfinite(depth).any(axis=1))
     u = np.flatnonzero(np.isfinite(depth).any(axis=0))

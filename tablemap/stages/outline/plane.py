@@ -1,4 +1,4 @@
-"""The top's plane as each view measured it, with the view's own noise, and the joint height."""
+"""The top's plane in each view, with the view's own noise, and the joint height of all views."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from tablemap.stages.segmentation import Label, ViewSegmentation
 from tablemap.stages.snapshots import Snapshot
 
 MINIMUM_POINTS = 60
-"""Fewer interior pixels of the top than this say nothing about its height."""
+"""A view with fewer interior pixels of the top than this gives no height."""
 
 
 @dataclass(frozen=True, eq=False)
 class ViewPlane:
     """A view's top: ``z = height + slope . (xy - centre)`` in the base.
 
-    ``height_sigma`` is metres, from the scatter of patches, so that coarse depth steps count.
-    ``noise`` multiplies `axial_noise` to give what the depths of this view scatter; ``shared`` is
-    the part of that variance that neighbouring pixels share (all of it where the depth comes in
-    coarse steps).
+    - ``height_sigma``: metres, from the scatter of patches, so that coarse depth steps count
+    - ``noise``: factor on `axial_noise` that gives the scatter of this view's depths
+    - ``shared``: the part of that variance that neighbouring pixels share; 1 if the depth comes in
+      coarse steps
     """
 
     height: float
@@ -36,8 +36,9 @@ class ViewPlane:
     shared: float
 
     def in_camera(self, base_from_camera: Floats) -> tuple[Floats, float]:
-        """Return ``normal`` (3,) and ``offset``: a camera point's height above the plane is
-        ``normal . point + offset``.
+        """Return the plane in the camera: ``normal`` (3,) and ``offset``.
+
+        The height of a point in the camera above the plane is ``normal . point + offset``.
         """
         normal = np.array([-self.slope[0], -self.slope[1], 1.0])
         normal /= np.linalg.norm(normal)
@@ -46,7 +47,7 @@ class ViewPlane:
         return base_from_camera[:3, :3].T @ normal, offset
 
     def drop(self, base_from_camera: Floats) -> float:
-        """Return how far the camera is above the top, metres, at least a decimetre."""
+        """Return the camera's height above the top, metres, at least a decimetre."""
         return max(float(base_from_camera[2, 3]) - self.height, 0.1)
 
 
@@ -63,9 +64,9 @@ def fit_plane(
     config: OutlineConfig,
     sensors: SensorsConfig,
 ) -> ViewPlane | None:
-    """Fit the top's plane to the inner pixels of one view, level unless the view insists.
+    """Fit the top's plane to the inner pixels of one view, with a prior that it is level.
 
-    Returns None where fewer than `MINIMUM_POINTS` inner pixels of the top are left.
+    Returns None if the top has fewer than `MINIMUM_POINTS` inner pixels.
     """
     top = view.labels == Label.TOP
     rows, columns = np.nonzero(_inner(top))
@@ -86,7 +87,7 @@ def fit_plane(
 
     centre = np.median(points[:, :2], axis=0)
     design = np.column_stack([np.ones(len(points)), points[:, :2] - centre])
-    # Depth errors go together over whole regions, so thousands of pixels are worth few dozens
+    # Depth errors are correlated over whole regions: thousands of pixels count as a few dozen
     # against the prior that a calibrated camera sees a level top.
     worth = min(1.0, config.plane_worth / len(points))
     solution = np.array([np.median(points[:, 2]), 0.0, 0.0])
@@ -125,7 +126,7 @@ def fit_plane(
 
 
 def _inner(top: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the pixels whose 9 by 9 neighbourhood is top: no strip of a side face among them."""
+    """Return the pixels whose 9 by 9 neighbourhood is top: this leaves out strips of side faces."""
     size = 9
     share = uniform_filter(top.astype(np.float32), size, mode="constant")
     inner: NDArray[np.bool_] = share > 1 - 3.5 / size**2
@@ -135,7 +136,7 @@ def _inner(top: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def _patch_sigma(
     rows: NDArray[np.intp], columns: NDArray[np.intp], residual: Floats, width: int
 ) -> float:
-    """Return how well the patches of about a fortieth of the image agree on their mean height."""
+    """Return the sigma of the mean height, from patches of about a fortieth of the image."""
     size = max(width // 40, 4)
     _, patch = np.unique((rows // size) * 4096 + columns // size, return_inverse=True)
     count = np.bincount(patch)
@@ -149,10 +150,10 @@ def _patch_sigma(
 def joint_height(
     planes: dict[int, ViewPlane], start: float, start_sigma: float
 ) -> tuple[float, float, float]:
-    """Return the height of all views together, its sigma, and the scatter between views (metres).
+    """Return the joint height of all views, its sigma, and the scatter between views (metres).
 
-    A single view cannot show its scatter: then ``start_sigma`` (the segmentation's) or 2 mm, the
-    larger, stands in for it.
+    A single view shows no scatter: then the larger of ``start_sigma`` (the segmentation's) and 2 mm
+    is used.
     """
     heights = np.array([plane.height for plane in planes.values()])
     own = np.array([plane.height_sigma for plane in planes.values()])
@@ -161,7 +162,7 @@ def joint_height(
     if len(heights) == 1:
         scatter = max(start_sigma, 0.002)
         return float(heights[0]), float(np.hypot(own[0], scatter)), scatter
-    # What the views scatter beyond their own sigma is common to a view's pixels.
+    # Scatter between views beyond their own sigmas is an error common to all pixels of a view.
     beyond = mad_sigma(heights - np.median(heights)) ** 2 - np.median(own**2)
     scatter = float(np.sqrt(max(beyond, 5e-4**2)))
     sigma = np.hypot(own, scatter)

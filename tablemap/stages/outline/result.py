@@ -1,4 +1,4 @@
-"""What the outline stage hands on."""
+"""The result of the outline stage."""
 
 from __future__ import annotations
 
@@ -14,29 +14,34 @@ from tablemap.stages.calibration import TopBelief
 
 
 class EdgeKind(IntEnum):
-    """What ends the seen top at an edge point."""
+    """The reason why the seen top ends at an edge point."""
 
-    TABLE = 0  # something lower begins: the top's own edge
+    TABLE = 0  # a lower surface begins: the top's own edge
     BORDER = 1  # the image ends
     OCCLUDED = 2  # something in front
     MISSING = 3  # no depth
-    BENT = 4  # nothing: the depth bends away from the plane of the top, without a step
+    BENT = 4  # no edge: the depth bends away from the plane of the top, without a step
 
 
 @dataclass(frozen=True, eq=False)
 class ViewEdges:
-    """One view's edge points, in that snapshot's base frame, on the top's plane.
+    """One view's edge points on the top's plane, in the base of that snapshot.
 
-    ``points`` (n, 2) metres; ``normals`` (n, 2) outward units; ``sigma`` (n,) metres along the
-    normal; ``kind`` (n,) uint8 of `EdgeKind`; ``is_near`` (n,) bool: the side face is towards the
-    camera; ``pixels`` (n, 2) float column, row. ``camera_xy`` (2,) is the camera's place in the
-    base, ``drop`` how far it is above the top (metres), ``axis`` (3,) its optical axis: a camera
-    that errs moves a point by them. ``scale_sigma`` is how well, as a share of it, the view knows
-    its drop beside what all views share. ``top`` (m, 2) and ``free`` (k, 2) are thinned points of
-    the plane that this view saw as top, and saw through.
+    - ``points``: (n, 2) metres
+    - ``normals``: (n, 2) outward unit vectors
+    - ``sigma``: (n,) metres along the normal
+    - ``kind``: (n,) uint8 of `EdgeKind`
+    - ``is_near``: (n,) bool, whether the side face is towards the camera
+    - ``pixels``: (n, 2) float, column and row
+    - ``camera_xy``: (2,) metres, the camera's place in the base
+    - ``drop``: metres, the camera's height above the top
+    - ``axis``: (3,), the optical axis in the base
+    - ``scale_sigma``: standard deviation of the view's own error of the drop, as a share of it
+    - ``top``, ``free``: (m, 2) and (k, 2) metres, thinned points of the plane that this view saw as
+      top, and saw through
 
-    Neighbouring points share pixels and a view's systematic error, so ``n`` of them are worth about
-    ``n / kappa`` independent ones: kappa is 4 to 12 at the default thinning.
+    Neighbouring points share pixels and the view's systematic error. So ``n`` points count as about
+    ``n / kappa`` independent ones; kappa is 4 to 12 at the default thinning.
     """
 
     index: int
@@ -54,7 +59,7 @@ class ViewEdges:
     scale_sigma: float = 0.0
 
     def only(self, kept: NDArray[np.bool_]) -> ViewEdges:
-        """Return this view with those of its edge points (n,) alone."""
+        """Return this view with only the ``kept`` (n,) edge points."""
         return replace(
             self,
             points=self.points[kept],
@@ -68,15 +73,19 @@ class ViewEdges:
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """All views' edges; the top's height above the floor, its thickness where a face shows it.
+    """The edges of all views, and the top's height and thickness.
 
-    ``rim`` is how far the side face lies outside the line where near edges were first placed: near
-    nought at a sharp edge, millimetres at a bevelled or rounded one (metres; None: no face seen).
-    Near edges are at the face; far ones end where the flat top does, somewhere within.
-    ``camera`` is what the calibration leaves open (None: no calibration given), ``turns`` by view
-    how far its head was turned, radians.
-    ``beside`` (n, 2) in the map is the outline of what touches the table at its height and was
-    taken off, None where nothing does.
+    Near edges lie at the side face. Far edges lie where the flat top ends: at a bevelled or rounded
+    rim this is inside of the face.
+
+    - ``height``: metres above the floor
+    - ``thickness``: metres, None if no side face shows it
+    - ``rim``: metres from the line where near edges were first placed outward to the side face:
+      nearly 0 at a sharp edge, millimetres at a bevelled or rounded one; None if no face was seen
+    - ``camera``: the remaining uncertainty of the camera after the calibration, None without one
+    - ``turns``: radians that the head was turned, by view
+    - ``beside``: (n, 2) metres in the map, outline of another surface that touches the table at its
+      height and was cut off, None without one
     """
 
     views: tuple[ViewEdges, ...]
@@ -94,7 +103,7 @@ class Outline:
 
     @property
     def is_dull(self) -> bool:
-        """Whether the rim is bevelled or rounded, beyond doubt."""
+        """Whether the rim is clearly bevelled or rounded."""
         if self.rim is None or self.rim_sigma is None:
             return False
         return self.rim > 3 * self.rim_sigma

@@ -22,7 +22,7 @@ from tablemap.stages.snapshots import Snapshot
 
 @dataclass(frozen=True, eq=False)
 class _TracedView:
-    """One view between the tracing of its contour and its placing on the plane."""
+    """One view whose contour is traced but not yet placed on the plane."""
 
     snapshot: Snapshot
     plane: ViewPlane
@@ -38,12 +38,12 @@ def find_edges(
     sensors: SensorsConfig,
     calibration: Calibration | None = None,
 ) -> Outline:
-    """Find sub-pixel edge points of the top in every used view and say what made each.
+    """Find sub-pixel edge points of the top in every used view, with the cause of each.
 
-    ``snapshots`` are the calibrated ones; with ``calibration`` its covariance joins the height's
-    sigma. The edges stay in each view's base frame: they need no registration.
+    ``snapshots`` are the calibrated ones. The covariance of ``calibration``, if given, adds to the
+    height's sigma. The edges stay in each view's base frame: they need no registration.
 
-    Raises `EstimationError` where no view shows enough of the top.
+    Raises `EstimationError` if no view shows enough of the top.
     """
     by_index = {snapshot.index: snapshot for snapshot in snapshots}
     used = [view for view in segmentation.views if view.sees_table and view.index in by_index]
@@ -148,10 +148,10 @@ def _set_aside(snapshot: Snapshot, what: str) -> ProcessWarning:
 
 
 def _shrunk(plane: ViewPlane, height: float, scatter: float) -> ViewPlane:
-    """Return the view's plane at its own height, drawn to the joint one as its sigma asks.
+    """Return the view's plane at its own height, combined with the joint height by their sigmas.
 
-    A view's own height makes up for its own camera height or scale; with depth steps of
-    centimetres the other views know better.
+    A view's own height corrects its own error of camera height or scale. With depth steps of
+    centimetres the joint height is better.
     """
     own, joint = plane.height_sigma**-2, max(scatter, 5e-4) ** -2
     return ViewPlane(
@@ -165,7 +165,7 @@ def _shrunk(plane: ViewPlane, height: float, scatter: float) -> ViewPlane:
 
 
 def _faces(traced: list[_TracedView], level: float, config: OutlineConfig) -> list[FaceEnds]:
-    """Return what each view shows of the side face at its near edges."""
+    """Return the lower ends of the side face at the near edges of each view."""
     ends = []
     for item in traced:
         placed = place_on_plane(

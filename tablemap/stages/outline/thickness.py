@@ -1,4 +1,4 @@
-"""How thick the top is, where its side face is seen down to its lower end; how its rim bulges."""
+"""The thickness of the top, from lower ends of its side face, and the bulge of its rim."""
 
 from __future__ import annotations
 
@@ -16,21 +16,23 @@ from tablemap.stages.outline.result import EdgeKind
 from tablemap.stages.snapshots import Snapshot
 
 MINIMUM_ENDS = 25
-"""Fewer lower ends of a side face than this, over all views, give no thickness."""
+"""The thickness needs at least this many lower ends of a side face, over all views."""
 
 MINIMUM_FACE = 100
-"""Fewer pixels of a view's side faces than this say nothing about the rim."""
+"""The rim needs at least this many pixels of side faces in a view."""
 
 RIM_SIGMA_M = 0.0002
-"""What the rim of a sharp edge scatters by at least, metres."""
+"""The least scatter of the rim at a sharp edge, metres."""
 
 
 @dataclass(frozen=True, eq=False)
 class FaceEnds:
-    """Lower ends of the side face in one view: ``drop`` (n,) metres below the plane.
+    """Lower ends of the side face in one view.
 
-    ``resolution`` is the height that one pixel spans on the face, metres; ``tau`` what passed for
-    top there. ``bulge`` (m,) is how far pixels of the face lie outside the placed edge, metres.
+    - ``drop``: (n,) metres below the plane
+    - ``resolution``: metres, the height that one pixel spans on the face
+    - ``tau``: metres, the tolerance within which a pixel counted as top there
+    - ``bulge``: (m,) metres that pixels of the face lie outside the placed edge
     """
 
     drop: Floats
@@ -48,7 +50,7 @@ def face_ends(
     noise: float,
     config: OutlineConfig,
 ) -> FaceEnds:
-    """Walk down the face from each near edge until it ends over something set back.
+    """Walk down the face from each near edge until a surface further back begins.
 
     A face that goes on out of reach (a box, a panel, a cloth) has no end here.
     """
@@ -92,14 +94,14 @@ def face_ends(
     has_end = ended.any(axis=1) & frontal
     end = ended.argmax(axis=1)
     index = np.arange(len(place))
-    # Two pixels on something must lie behind the face: not the image's rim or a hole in the depth.
+    # Two later pixels must be measured behind the face: the image's border or a hole is no end.
     later = np.minimum(end[:, None] + np.arange(1, 5), len(walked) - 1)
     has_end &= beyond[index[:, None], later].sum(axis=1) >= 2
     on_face = np.isfinite(height) & (np.arange(len(walked))[None, :] < end[:, None])
     last = len(walked) - 1 - on_face[:, ::-1].argmax(axis=1)
     has_end &= on_face.any(axis=1) & (end - last <= 2)
     per_px = distance / camera.fy * steep
-    # A mixed pixel next to the end holds the end; else the end lies between two pixels.
+    # A mixed pixel next to the end contains the end; otherwise the end lies between two pixels.
     following = set_back[index, np.minimum(end + 1, len(walked) - 1)]
     with np.errstate(invalid="ignore"):
         is_mixed = following > set_back[index, end] + 2 * allowance
@@ -112,7 +114,7 @@ def face_ends(
 
 
 def joint_thickness(views: list[FaceEnds], *, config: OutlineConfig) -> tuple[float, float] | None:
-    """Return the thickness and its sigma (metres), or None where the views agree on none.
+    """Return the thickness and its sigma (metres), or None if the views disagree.
 
     Aprons, legs and clutter end elsewhere: more than half of the ends must agree.
     """
@@ -121,7 +123,7 @@ def joint_thickness(views: list[FaceEnds], *, config: OutlineConfig) -> tuple[fl
         return None
     resolution = float(np.median(np.concatenate([view.resolution for view in views])))
     width = max(0.004, resolution)
-    # The mode: the shortest interval that holds half of the ends.
+    # The mode: the shortest interval with half of the ends.
     ordered = np.sort(drop)
     half = len(ordered) // 2
     spans = ordered[half:] - ordered[: len(ordered) - half]
@@ -131,16 +133,16 @@ def joint_thickness(views: list[FaceEnds], *, config: OutlineConfig) -> tuple[fl
     if close.mean() < 0.5 or not config.thickness_min <= middle <= config.thickness_max:
         return None
     value = float(np.mean(drop[close]))
-    # Ends go together along an edge: a score of points is worth one; a quarter pixel is systematic.
+    # Ends along an edge are correlated: twenty count as one. A quarter pixel is systematic.
     scatter = float(np.std(drop[close])) / np.sqrt(max(close.sum() / 20, 1.0))
     return value, float(np.hypot(scatter, 0.25 * resolution))
 
 
 def joint_rim(views: list[FaceEnds]) -> tuple[float, float] | None:
-    """Return how far the side face lies outside the placed edge, and its sigma (metres).
+    """Return the distance of the side face outside the placed edge, and its sigma (metres).
 
-    Nought at a sharp edge; a bevel or a rounding lets the top end before its outermost line. None
-    where no view shows enough of a face.
+    It is 0 at a sharp edge; at a bevel or a rounding the flat top ends before its outermost line.
+    Returns None if no view shows enough of a face.
     """
     medians = [float(np.median(view.bulge)) for view in views if len(view.bulge) >= MINIMUM_FACE]
     if not medians:

@@ -13,7 +13,7 @@ from tablemap.stages.segmentation import Label
 from tablemap.stages.snapshots import Snapshot
 
 ERODED_PX = 9
-"""Side of the window that must be all top: it leaves out the side face that passes for top."""
+"""Side of a window, pixels, that must be all top: this leaves out side faces that count as top."""
 
 
 def vote(
@@ -23,7 +23,7 @@ def vote(
     *,
     config: OutlineConfig,
 ) -> tuple[Floats, Floats]:
-    """Return ``top`` (m, 2) and ``free`` (k, 2), metres in the base, one point a grid cell each."""
+    """Return ``top`` (m, 2) and ``free`` (k, 2), metres in the base, at most one a grid cell."""
     inner = minimum_filter(seen.top.view(np.uint8), ERODED_PX, mode="constant") > 0
     rows, columns = np.nonzero(inner[::2, ::2])
     top = _on_plane(
@@ -53,7 +53,7 @@ def _on_plane(
     columns: NDArray[np.intp],
     grid: float,
 ) -> Floats:
-    """Return where the pixels' rays cross the plane, the first in each cell of the grid."""
+    """Return the places where the pixels' rays cross the plane, the first one in each grid cell."""
     rays = snapshot.camera.rays[rows, columns].astype(np.float64)
     depth = -seen.offset / np.minimum(rays @ seen.normal, -1e-3)
     pose = snapshot.base_from_camera
