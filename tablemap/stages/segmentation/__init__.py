@@ -1,4 +1,4 @@
-"""Floor, table top, what stands on it, the rest; and which table it is."""
+"""The choice of the table, and labels of all pixels: floor, top, things on it, the rest."""
 
 from tablemap.stages.segmentation.candidates import find_tables
 from tablemap.stages.segmentation.result import (

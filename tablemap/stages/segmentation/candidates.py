@@ -1,4 +1,4 @@
-"""Which surfaces of all views are one and the same, and which of them is the table."""
+"""Surfaces of several views grouped into one, and the choice of the table among them."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from tablemap.stages.segmentation.views import SampledView, look
 from tablemap.stages.snapshots import Snapshot
 
 STRIDE_PX = 2
-_MOST_CANDIDATES = 12  # surfaces that are told of: the others are hardly tables
-_FULL_AREA = 0.15  # square metres in one view that count as seen well
-_GAZE = 0.8  # metres beside the optical axis at which a look counts by a third
-# What different views saw is one surface, with heights that agree (`MERGE_HEIGHT`).
-_MERGE_OVERLAP = 0.15  # share of the smaller that the other covers
-_MERGE_GAP = 0.1  # metres between two ends that were seen apart
+_MOST_CANDIDATES = 12  # surfaces that are reported: further ones are hardly tables
+_FULL_AREA = 0.15  # square metres in one view: from here on a surface counts as well seen
+_GAZE = 0.8  # metres beside the optical axis: there a look counts by a third
+# Limits for patches of different views to be one surface, if heights agree (`MERGE_HEIGHT`).
+_MERGE_OVERLAP = 0.15  # least share of the smaller patch that the other covers
+_MERGE_GAP = 0.1  # metres, largest gap between two ends of a surface
 
 
 @dataclass(eq=False)
 class _Group:
-    """Patches believed to be one surface; ``shape`` is the hull of all of them."""
+    """Patches that probably are one surface; ``shape`` is their common hull."""
 
     patches: list[Patch] = field(default_factory=list)
     shape: shapely.Geometry = field(default_factory=shapely.Polygon)
@@ -48,13 +48,13 @@ def find_tables(
 ) -> tuple[TableCandidate, ...]:
     """Return all candidate tables, best first, the first marked as chosen.
 
-    Raises `EstimationError` where no view shows a horizontal surface at a table's height.
+    Raises `EstimationError` if no view shows a horizontal surface at a table's height.
     """
     return rank_tables([look(s, stride=STRIDE_PX) for s in snapshots], config)
 
 
 def rank_tables(views: list[SampledView], config: SegmentationConfig) -> tuple[TableCandidate, ...]:
-    """Do as `find_tables` does, of views already prepared."""
+    """Do the same as `find_tables`, with prepared views."""
     patches = [patch for view in views for patch in find_patches(view, config)]
     if not patches:
         raise EstimationError(
@@ -69,7 +69,7 @@ def rank_tables(views: list[SampledView], config: SegmentationConfig) -> tuple[T
 
 
 def _lying_on(candidate: TableCandidate, others: list[TableCandidate]) -> TableCandidate:
-    """Discount what lies on another surface, as the lids of things on a table do."""
+    """Lower the weight of a surface that lies on another one, like the lid of a box on a table."""
     mine = shapely.Polygon(candidate.hull)
     for other in others:
         if not _LEAST_RISE < candidate.height - other.height < _LARGEST_RISE:
@@ -82,8 +82,8 @@ def _lying_on(candidate: TableCandidate, others: list[TableCandidate]) -> TableC
     return candidate
 
 
-_LEAST_RISE, _LARGEST_RISE = 0.015, 0.35  # metres: how high things on a table are
-_BESIDE = 0.08  # metres by which localised poses spread a surface
+_LEAST_RISE, _LARGEST_RISE = 0.015, 0.35  # metres: heights of things on a table
+_BESIDE = 0.08  # metres: errors of localised poses widen a surface by so much
 _ON_SHARE, _ON_WEIGHT = 0.7, 0.1
 
 
@@ -92,11 +92,11 @@ def _hull(points: Floats) -> shapely.Geometry:
 
 
 def _group(patches: list[Patch]) -> list[_Group]:
-    """Put patches together that overlap in the map at one height, largest first.
+    """Group patches that overlap in the map at one height, largest first.
 
-    The poses are those of the localisation, centimetres to decimetres off: a patch joins the group
-    that it overlaps most, and groups that came to overlap widely are joined in the end. What one
-    view saw apart, a seat drawn up to the table, stays apart.
+    The poses are those of the localisation, with errors of centimetres to decimetres. A patch joins
+    the group that it overlaps most. In the end, groups that overlap widely are joined. Patches that
+    one view saw apart, such as a seat at the table, stay apart.
     """
     groups: list[_Group] = []
     for patch in sorted(patches, key=lambda p: -p.area):
@@ -129,10 +129,10 @@ def _group(patches: list[Patch]) -> list[_Group]:
 
 
 def _are_one(first: _Group, second: _Group) -> bool:
-    """Tell whether two groups are one surface: they overlap, or they touch with no gap seen.
+    """Tell whether two groups are one surface: they overlap, or they touch and no gap was seen.
 
-    Opposite views of a long table may show an end each, and clutter may part it in every view; a
-    gap that was seen through keeps two surfaces apart.
+    Opposite views of a long table may each show one end, and clutter may divide the table in every
+    view. Two surfaces stay apart if a view saw through a gap between them.
     """
     if abs(first.height - second.height) > MERGE_HEIGHT:
         return False
@@ -144,19 +144,19 @@ def _are_one(first: _Group, second: _Group) -> bool:
 
 
 def _apart(first: list[Patch], second: list[Patch]) -> bool:
-    """Tell whether the views that show patches of both saw through a gap between most of them."""
+    """Tell whether views of both groups saw through a gap between most pairs of patches."""
     pairs = [(p, q) for p in first for q in second if p.view == q.view]
     return 2 * sum(q.number in p.parted for p, q in pairs) > len(pairs)
 
 
 def _overlap(first: shapely.Geometry, second: shapely.Geometry) -> float:
-    """Return the share of the smaller that lies in the other."""
+    """Return the share of the smaller shape that lies in the other."""
     smaller = min(first.area, second.area)
     return float(first.intersection(second).area / smaller) if smaller > 0 else 0.0
 
 
 def _weigh(group: _Group, config: SegmentationConfig) -> TableCandidate:
-    """Weigh a surface by the views that look at it, how they spread, and how like a table it is."""
+    """Weigh a surface by the views of it, their spread round it, and its likeness to a table."""
     cells = _common_cells(group)
     shape = _hull(cells)
     centre = np.array(shape.centroid.coords[0])
@@ -197,7 +197,7 @@ def _weigh(group: _Group, config: SegmentationConfig) -> TableCandidate:
 
 
 def _common_cells(group: _Group) -> Floats:
-    """Return the cells (n, 2) that views agree on: by two at least where there are three."""
+    """Return the cells (n, 2) that at least two views saw; all cells of fewer than three views."""
     views = {p.view for p in group.patches}
     keys = np.concatenate(
         [np.unique(np.floor(p.cells / CELL_M).astype(np.int64), axis=0) for p in group.patches]
@@ -213,7 +213,7 @@ def _common_cells(group: _Group) -> Floats:
 def _likeness(
     openness: float | None, walled: float, area: float, height: float, config: SegmentationConfig
 ) -> tuple[list[str], float]:
-    """Return what speaks against a table, and a factor from 0 to 1."""
+    """Return the reasons against a table, and a factor from 0 to 1 on the weight."""
     reasons = []
     likeness = 1.0
     if openness is None:

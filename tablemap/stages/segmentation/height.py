@@ -1,4 +1,4 @@
-"""The top's height: one figure from all views, and each view's own beside it."""
+"""The top's height: one joint figure of all views, and each view's own plane."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ KNOWN_M = 0.012
 _APART_M, _APART_SIGMAS = 0.012, 3.0
 LEAST_PIXELS = 150
 BLOCK_PX = 32.0
-_GATE = 0.025  # metres of one view's top round the joint height, at least
+_GATE = 0.025  # metres: a view's top lies at least within this distance of the joint height
 
 
 @dataclass(frozen=True)
 class Plane:
-    """A top as one view has it, in its base: z = height + a (x - x0) + b (y - y0).
+    """The top in one view, in its base: z = height + a (x - x0) + b (y - y0).
 
-    ``height`` is that in the middle (x0, y0) of what the view saw of it; a and b are small.
+    (x0, y0) is the middle of the part that the view saw; a and b are small.
     """
 
     height: float
@@ -45,9 +45,9 @@ class Plane:
 
 @dataclass(frozen=True)
 class Height:
-    """A height in metres with its standard deviation, and each view's own plane by snapshot index.
+    """A height in metres with its standard deviation, and the views' own planes by snapshot index.
 
-    ``scatter`` is the standard deviation between views.
+    ``scatter`` is the standard deviation between views, metres.
     """
 
     value: float
@@ -57,7 +57,7 @@ class Height:
 
 
 def region(view: SampledView, candidate: TableCandidate, reach: float) -> NDArray[np.bool_]:
-    """Return (h, w) what lies within reach of the candidate, by the localised pose."""
+    """Return a mask (h, w) of pixels within reach of the candidate, by the localised pose."""
     base_from_map = view.snapshot.map_from_base.inverse()
     hull = np.asarray(base_from_map.apply(candidate.hull))
     area = shapely.MultiPoint(hull).convex_hull.buffer(reach, quad_segs=2)
@@ -72,7 +72,7 @@ def joint_height(
 ) -> Height | None:
     """Estimate the height from all views: the histogram's mode, then each view, then their mean.
 
-    None where no view shows enough of the surface.
+    Returns None if no view shows enough of the surface.
     """
     samples, places = [], []
     for view in views:
@@ -105,7 +105,8 @@ def joint_height(
         value = float(np.average(heights, weights=robust))
     effective = float(robust.sum() ** 2 / np.square(robust).sum())
     scatter = float(np.sqrt(np.average((heights - value) ** 2, weights=robust)))
-    # What is this far off in one view is something that lies on the top there: a book, a tray.
+    # If a view's height is off by more than this, the view measured a thing on the top: a book, a
+    # tray.
     apart = max(_APART_SIGMAS * scatter, _APART_M)
     planes = {i: plane for i, plane in planes.items() if abs(plane.height - value) < apart}
     noise = [
@@ -120,7 +121,7 @@ def joint_height(
 def _joint_mode(
     views: list[SampledView], samples: list[NDArray[np.bool_]], height: float
 ) -> float | None:
-    """Return the height that most of all views' pixels agree on, each view counting alike."""
+    """Return the height on which most pixels of all views agree; every view counts the same."""
     bins = round(2 * SEARCH_M / BIN_M)
     total = np.zeros(bins)
     widths = []
@@ -136,8 +137,8 @@ def _joint_mode(
         return None
     width = max(0.004, 1.5 * float(np.median(widths))) / BIN_M
     smooth = ndimage.gaussian_filter1d(total, width, mode="constant")
-    # The candidate's own height is known to a centimetre or two: a book that covers more of a small
-    # top than is left free lies higher than that.
+    # The candidate's own height is known to a centimetre or two. A book that covers most of a small
+    # top lies higher than that, and so does not win.
     offset = (np.arange(bins) + 0.5) * BIN_M - SEARCH_M
     smooth = smooth * np.exp(-0.5 * (offset / KNOWN_M) ** 2)
     return float(height - SEARCH_M + (int(np.argmax(smooth)) + 0.5) * BIN_M)
@@ -150,10 +151,10 @@ def _view_height(
     mode: float,
     sensors: SensorsConfig,
 ) -> tuple[Plane, float, int] | None:
-    """Return one view's plane, its pixels' noise and their number, or None where too few.
+    """Return one view's plane, the noise and the number of its pixels; None if there are too few.
 
-    Only the connected surface counts that covers most of the table's ``place``: seats lie beside
-    it, and one close to the camera has more pixels.
+    Only the connected surface that covers most of the table's ``place`` counts: a seat beside the
+    table may have more pixels if it is close to the camera.
     """
     z = view.points[..., 2]
     gate = tolerance(view.sigma, _GATE)
@@ -172,7 +173,7 @@ def _view_height(
     if covered[best] <= 0.0:
         return None
     mine = labels == best
-    # The rim sinks into side faces and mixed pixels: leave it out where enough remains.
+    # The rim contains side faces and mixed pixels: leave it out if enough pixels remain.
     core = ndimage.binary_erosion(mine, np.ones((5, 5)))
     if int(core.sum()) >= LEAST_PIXELS:
         mine = core
@@ -182,7 +183,7 @@ def _view_height(
 
 
 def _plane(points: Floats, noise: float, sensors: SensorsConfig) -> Plane:
-    """Fit a plane to (n, 3) points, robustly, its tilt held near zero by a prior."""
+    """Fit a plane to (n, 3) points, robustly, with a prior of zero tilt."""
     middle = np.median(points[:, :2], axis=0)
     arms = points[:, :2] - middle
     heights = points[:, 2]
@@ -190,7 +191,7 @@ def _plane(points: Floats, noise: float, sensors: SensorsConfig) -> Plane:
     rows = np.concatenate([np.ones((len(arms), 1)), arms], axis=1)
     gate = max(6 * noise, 0.008)
     tilt = np.deg2rad(sensors.calibrated_view_tilt_sigma_deg)
-    # Neighbouring pixels err alike: a hundred count as one against the prior.
+    # Errors of neighbouring pixels are correlated: a hundred count as one against the prior.
     prior = np.diag([0.0, 1 / tilt**2, 1 / tilt**2]) * 100 * (noise**2 + 0.002**2)
     for _ in range(6):
         residual = heights - rows @ fit

@@ -1,4 +1,4 @@
-"""What every pixel of a view shows, relative to the chosen top."""
+"""Labels for every pixel of a view, relative to the chosen top."""
 
 from __future__ import annotations
 
@@ -20,14 +20,15 @@ from tablemap.stages.segmentation.views import (
 
 FLOOR_M = 0.04
 _LEAST_TOLERANCE, _MOST_TOLERANCE = 0.006, 0.035  # metres round the top's plane
-STANDING_M = 0.06  # what stands on the top begins this close above it
+STANDING_M = 0.06  # metres: a thing on the top begins less than this above it
 RIM_M = 0.04
-_LEVEL_SHARE = 0.2  # of a surface: normals mean little near its edges, and a wall has none
-# How much of a surface must lie within reach of the table's place to be part of the same top:
-# with clutter that leads over to it, and with missing depth alone between.
+# The least share of level normals in a surface: few near its edges are level, and none on a wall.
+_LEVEL_SHARE = 0.2
+# The share of a surface that must lie within reach of the table's place to be part of the same top:
+# if clutter connects it to the top, and if there is only missing depth between.
 BRIDGED_SHARE, NEAR_SHARE = 0.3, 0.5
 GAP_STEP_PX = 2
-MOST_SEEDS, SEED_SHARE = 3, 0.25  # surfaces from which the top is put together, by their score
+MOST_SEEDS, SEED_SHARE = 3, 0.25  # surfaces that start a top: number, share of the best score
 
 
 def label_view(
@@ -81,7 +82,7 @@ def label_view(
 
 
 def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the mask grown by two pixels: what an opening took from the rim."""
+    """Return the mask grown by two pixels, as much as an opening removes from the rim."""
     grown: NDArray[np.bool_] = ndimage.maximum_filter(mask.view(np.uint8), 5).view(np.bool_)
     return grown
 
@@ -113,10 +114,10 @@ def _top(
     candidate: TableCandidate,
     config: SegmentationConfig,
 ) -> NDArray[np.bool_]:
-    """Return the surfaces that are this top: the one at its place, and what clutter parted from it.
+    """Return the surfaces of this top: the one at its place, and parts that clutter cut off.
 
-    Of two surfaces at one height, a gap that was seen through tells a second table; clutter or
-    missing depth between them does not.
+    If the view saw through a gap between two surfaces of one height, the second one is another
+    table. If clutter or missing depth lies between them, they are one top.
     """
     none = np.zeros(surfaces.shape, dtype=bool)
     count = int(surfaces.max()) if surfaces.size else 0
@@ -141,7 +142,7 @@ def _top(
     bridges, _ = ndimage.label(
         _grown((surfaces > 0) | (over & around))[::GAP_STEP_PX, ::GAP_STEP_PX]
     )
-    # One pixel below the plane is noise; four in a square were seen through.
+    # One pixel below the plane is noise; four in a square are a gap.
     through = ndimage.minimum_filter(below[::GAP_STEP_PX, ::GAP_STEP_PX].view(np.uint8), 2).view(
         np.bool_
     )
@@ -163,9 +164,10 @@ def _joined(
     through: NDArray[np.bool_],
     is_far: NDArray[np.bool_],
 ) -> list[int]:
-    """Return the surface ``main`` and those of ``close`` that no gap parts from it.
+    """Return the surface ``main`` and those of ``close`` without a gap between.
 
-    All images are thinned alike; ``is_far`` (by label) are those that only clutter may join.
+    All images are thinned in the same way. ``is_far`` (by label) marks surfaces that only clutter
+    may join.
     """
     top = thin == main
     result = [main]
@@ -180,7 +182,7 @@ def _joined(
         led_over = float((bridges[other] == int(np.argmax(bridge))).mean()) > 0.5
         if is_far[k] and not led_over:
             continue
-        # A cup before a chair touches both in the image: what lies between the rest decides.
+        # A cup in front of a chair touches both in the image: the pixels elsewhere between decide.
         gap = through & (thin == 0)
         if not is_parted(other, top, gap) and not is_parted(top, other, gap):
             result.append(int(k))
@@ -218,6 +220,6 @@ def _standing(
     stands = (within >= 0.5 * sizes) & (touching > 0)
     stands[0] = False
     on_top = stands[labels] & within_hull
-    # Pixels on the cuts between: with their neighbours.
+    # Pixels on the cuts between regions follow their neighbours.
     standing: NDArray[np.bool_] = on_top | (over & within_hull & (labels == 0) & _grown(on_top))
     return standing

@@ -1,4 +1,4 @@
-"""What segmentation hands on: labels, candidate tables, and the chosen one."""
+"""The result of segmentation: labels, candidate tables, and the chosen one."""
 
 from __future__ import annotations
 
@@ -14,23 +14,24 @@ from tablemap.stages.calibration import SeenTop
 
 
 class Label(IntEnum):
-    """What a pixel shows, relative to the chosen table's top."""
+    """The thing that a pixel shows, relative to the chosen table's top."""
 
     UNKNOWN = 0  # no depth
-    FLOOR = 1  # like BEHIND, and on the floor
+    FLOOR = 1  # on the floor; otherwise like BEHIND
     TOP = 2  # within the tolerance of the top's plane, and part of this top
-    ON_TOP = 3  # stands on it
-    BEHIND = 4  # the ray passed the top's plane: the top cannot be where it crossed
+    ON_TOP = 3  # part of a thing that stands on the top
+    BEHIND = 4  # the ray passed the top's plane: there is no top where it crossed
     FRONT = 5  # above the plane and not on the top: occludes
     OTHER_TOP = 6  # another surface at about the same height
 
 
 @dataclass(frozen=True, eq=False)
 class ViewSegmentation:
-    """One view: ``labels`` (height, width) uint8 of `Label`; the view's own height of the top.
+    """The labels of one view, and the view's own height of the top.
 
-    ``tolerance`` (height, width) float32 is how far, in metres up or down, a pixel may lie from the
-    top's plane to count as in it (NaN without depth).
+    - ``labels``: (height, width) uint8 of `Label`
+    - ``tolerance``: (height, width) float32, metres: a pixel within this vertical distance of the
+      top's plane counts as in it; NaN without depth
     """
 
     index: int
@@ -44,10 +45,12 @@ class ViewSegmentation:
 
 @dataclass(frozen=True, eq=False)
 class TableCandidate:
-    """A horizontal surface that could be the table, in the map as localised.
+    """A horizontal surface that could be the table, placed in the map by the localisation.
 
-    ``views`` are snapshot indices; ``spread`` (0 to 1) how widely they surround it;
-    ``hull`` (n, 2) counter-clockwise. ``reason`` is what speaks against it.
+    - ``views``: snapshot indices
+    - ``spread``: from 0 to 1, how far round the surface the views stand
+    - ``hull``: (n, 2) metres in the map, counter-clockwise
+    - ``reason``: the reasons against it
     """
 
     x: float
@@ -71,7 +74,7 @@ class TablesFound:
 
 @dataclass(frozen=True, eq=False)
 class Segmentation:
-    """The chosen table: ``height`` above the floor (metres, all views together), and each view."""
+    """The chosen table, its joint ``height`` above the floor (metres), and every view's labels."""
 
     views: tuple[ViewSegmentation, ...]
     height: float

@@ -16,7 +16,7 @@ from tablemap.stages.segmentation.result import Segmentation, TableCandidate, Ta
 from tablemap.stages.segmentation.views import look
 from tablemap.stages.snapshots import Snapshot
 
-_TIE = 0.7  # share of the best candidate's weight from which on another is named beside it
+_TIE = 0.7  # of the best candidate's weight: a warning names others with at least this share
 
 
 def segment(
@@ -30,9 +30,9 @@ def segment(
 ) -> Segmentation:
     """Choose the table (nearest to ``near`` in the map, or the best seen) and label every view.
 
-    What could be meant goes to ``record`` before one is chosen; a ``candidate`` of `find_tables` is
-    taken as it is. Raises `EstimationError` where there is no table, none near the place, or no
-    view that sees it.
+    All candidates go to ``record`` before one is chosen. A ``candidate`` of `find_tables`, if
+    given, is taken without a choice. Raises `EstimationError` if there is no table, none near the
+    place, or no view that sees it.
     """
     coarse = [look(s, stride=STRIDE_PX) for s in snapshots]
     if candidate is None:
@@ -79,7 +79,7 @@ def segment_again(
     config: SegmentationConfig,
     sensors: SensorsConfig,
 ) -> Segmentation:
-    """Label every view anew, with the same table, once the snapshots are corrected further.
+    """Label every view again, with the same table, after the snapshots were corrected further.
 
     Raises `EstimationError` as `segment` does.
     """
@@ -98,7 +98,7 @@ def _choose(
     near: tuple[float, float] | None,
     config: SegmentationConfig,
 ) -> tuple[TableCandidate, list[ProcessWarning]]:
-    """Return the chosen candidate, and a warning where another was nearly as good."""
+    """Return the chosen candidate, and a warning if another one is nearly as good."""
     if near is not None:
         distances = [float(np.hypot(c.x - near[0], c.y - near[1])) for c in candidates]
         best = int(np.argmin(distances))

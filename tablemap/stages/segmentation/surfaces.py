@@ -1,4 +1,4 @@
-"""The horizontal surfaces of one view, and what speaks for each being a table."""
+"""The horizontal surfaces of one view, with signs that tell a table from other furniture."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FARTHEST_M = 6.0
 GAP_STEP_PX = 2
 
 MERGE_HEIGHT = 0.04
-"""Metres that a surface's height may differ between patches and between views."""
+"""Largest difference, metres, of one surface's heights between patches and between views."""
 
 _TOLERANCE = 0.015  # metres round a surface's height, at least
 _LEAST_AREA = 0.012  # square metres
@@ -30,11 +30,14 @@ _LEAST_AREA = 0.012  # square metres
 class Patch:
     """A connected horizontal surface in one view.
 
-    ``cells`` (n, 2) are thinned points of it in the map; ``camera`` (2,) the camera's place there;
-    ``gaze`` metres between it and the optical axis at its height; ``open_share`` how much was seen
-    under it against its front (None: neither), ``walled_share`` how much of its rim rises.
-    ``number`` counts a view's patches; ``parted`` are those at about this height between which and
-    this one the view saw through.
+    - ``cells``: (n, 2) metres in the map, thinned points
+    - ``camera``: (2,) metres in the map, the camera's place
+    - ``gaze``: metres between the patch and the optical axis, at the patch's height
+    - ``open_share``: share of cells seen under the patch among these and the cells of a front;
+      None if neither was seen
+    - ``walled_share``: share of the rim where something rises
+    - ``number``: counts the patches of a view
+    - ``parted``: numbers of patches at about this height that a gap separates from this one
     """
 
     view: int
@@ -71,8 +74,8 @@ def find_patches(view: SampledView, config: SegmentationConfig) -> list[Patch]:
             in_band = np.abs(z - np.float32(level)) <= band
         near = left & in_band
         left &= ~near
-        # Normals mean little close to an edge: between things that stand on a top, nowhere else
-        # may be left of it. What borders on the surface at its height is part of it.
+        # Normals are poor near edges, and between things on a top all pixels may be near edges. So
+        # pixels at its height that border on the surface are part of it.
         near = in_band & (ndimage.maximum_filter(near.view(np.uint8), _RIM_PX) > 0)
         labels, count = ndimage.label(ndimage.binary_opening(near, np.ones((3, 3))))
         if count == 0:
@@ -87,7 +90,7 @@ def find_patches(view: SampledView, config: SegmentationConfig) -> list[Patch]:
 def _told_apart(
     view: SampledView, patches: list[Patch], masks: list[NDArray[np.bool_]]
 ) -> list[Patch]:
-    """Note of each patch which others of about its height lie beyond a gap seen through."""
+    """Note for each patch the others at about its height that a gap separates from it."""
     parted: list[set[int]] = [set() for _ in patches]
     thin = [mask[::GAP_STEP_PX, ::GAP_STEP_PX] for mask in masks]
     z = view.points[::GAP_STEP_PX, ::GAP_STEP_PX, 2]
@@ -99,7 +102,7 @@ def _told_apart(
                 continue
             with np.errstate(invalid="ignore"):
                 below = z < min(first.height, second.height) - MERGE_HEIGHT
-            # One pixel below is noise; four in a square were seen through.
+            # One pixel below is noise; four in a square are a gap.
             gap = ndimage.minimum_filter(below.view(np.uint8), 2).view(np.bool_)
             if is_parted(thin[i], thin[j], gap) or is_parted(thin[j], thin[i], gap):
                 parted[i].add(j)
@@ -110,7 +113,7 @@ def _told_apart(
 def _fullest_level(
     heights: NDArray[np.float32], areas: NDArray[np.float32], config: SegmentationConfig
 ) -> float | None:
-    """Return the height at which most area lies within 2 cm, or None where too little does."""
+    """Return the height with most area within 2 cm, or None if that is too little."""
     if heights.size == 0:
         return None
     bins = int(np.ceil((config.highest - config.lowest) / BIN_M))
@@ -152,7 +155,7 @@ def _describe(view: SampledView, mask: NDArray[np.bool_], area: float, number: i
 
 
 def _gaze(base_from_camera: Floats, height: float, places: Floats) -> float:
-    """Return how far the optical axis passes the surface, in metres at its height."""
+    """Return the distance between the optical axis and the surface, metres, at its height."""
     origin, axis = base_from_camera[:3, 3], base_from_camera[:3, 2]
     drop = origin[2] - height
     reach = drop / -axis[2] if axis[2] < -1e-3 and drop > 0 else FARTHEST_M
@@ -161,14 +164,14 @@ def _gaze(base_from_camera: Floats, height: float, places: Floats) -> float:
 
 
 _RIM_PX = 11
-_UNDER_M = 0.12  # below a top this far the space under it begins
+_UNDER_M = 0.12  # metres below a top: from here on it is the space under the top
 
 
 _LEAST_CELLS = 6
 
 
 def _count(region: NDArray[np.bool_], cells: NDArray[np.int64]) -> int:
-    """Return in how many cells of a region there are at least two of the given ones."""
+    """Return the number of cells of a region that occur at least twice among the given cells."""
     hits = np.zeros(region.shape, dtype=np.int64)
     np.add.at(hits, tuple(cells.T), 1)
     return int((region & (hits >= 2)).sum())
@@ -187,10 +190,10 @@ def _convex(grid: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def _surroundings(
     view: SampledView, cells: NDArray[np.int64], height: float
 ) -> tuple[float | None, float]:
-    """Return how open it is below, and the share of its rim that rises.
+    """Return a surface's open share below, and the share of its rim where something rises.
 
-    A table lets one see under it; a couch, a bench or a cupboard shows a front. A backrest, an arm
-    or a wall rises at the rim.
+    Under a table there is a view of what lies behind; a couch, a bench or a cupboard has a front. A
+    backrest, an arm or a wall rises at the rim.
     """
     margin = 5
     low = cells.min(axis=0) - margin
@@ -222,15 +225,16 @@ def _surroundings(
         return fits
 
     under, heights = where(lower)
-    # What was seen under it; and a ray that passes under the top met no front, wherever it ends.
+    # Points seen under the surface count, and rays that pass under it: these met no front, wherever
+    # they end.
     through = np.concatenate([under, crossing(lower)]) if camera[2] > height else under
-    # Cells and not pixels: a leg fills many pixels of few cells, a front all that it stands in.
+    # Count cells, not pixels: a leg has many pixels in few cells, a front fills all its cells.
     beneath = _count(inner, through)
     front = _count(rim, under[heights > 0.08])
     rising, _ = where(upper)
     raised = np.zeros(shape, dtype=bool)
     raised[tuple(rising.T)] = True
-    # What rises amid the surface stands on it; a backrest or a wall rises beyond it.
+    # A thing that rises inside of the surface stands on it; a backrest or a wall rises outside.
     raised &= ~whole
     edge = grid & ~ndimage.binary_erosion(grid, np.ones((3, 3)))
     near_raised = ndimage.binary_dilation(raised, np.ones((3, 3)), iterations=2)

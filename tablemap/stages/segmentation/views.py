@@ -1,4 +1,4 @@
-"""A snapshot as segmentation looks at it: heights, their noise, and what faces up."""
+"""A snapshot prepared for segmentation: points, the noise of their heights, and level pixels."""
 
 from __future__ import annotations
 
@@ -19,19 +19,20 @@ NORMAL_WINDOW_PX, COARSE_WINDOW_PX = 4, 9
 CELL_M = 0.01
 
 LEAST_UPWARD = np.cos(np.deg2rad(30.0))
-"""Least cosine between the vertical and the normal of a pixel of a level surface: normals of noisy
-depth nod by as much."""
+"""Least cosine between the vertical and a pixel's normal on a level surface: noisy depth tilts
+normals by so much."""
 
-_TOLERANCE_SIGMAS = 3.0  # of a pixel's own noise
+_TOLERANCE_SIGMAS = 3.0  # sigmas of a pixel's own noise
 
 
 @dataclass(frozen=True, eq=False)
 class SampledView:
     """One snapshot at every ``stride``-th pixel.
 
-    ``points`` (h, w, 3) float32 in the base, NaN where missing; ``sigma`` (h, w) of their height;
-    ``upward`` (h, w) |n_z|; ``area`` (h, w) square metres of a
-    horizontal surface that a pixel covers.
+    - ``points``: (h, w, 3) float32, metres in the base, NaN where missing
+    - ``sigma``: (h, w) metres, of the points' heights
+    - ``upward``: (h, w), absolute vertical component of the normal
+    - ``area``: (h, w) square metres that a pixel covers on a horizontal surface
     """
 
     snapshot: Snapshot
@@ -45,7 +46,7 @@ class SampledView:
 def look(snapshot: Snapshot, *, stride: int, coarser: SampledView | None = None) -> SampledView:
     """Prepare a snapshot at every ``stride``-th pixel.
 
-    Normals are costly and smooth: those of a ``coarser`` view of the same snapshot are taken over.
+    Normals are costly and smooth: if given, those of a ``coarser`` view of the snapshot are used.
     """
     depth = snapshot.depth[::stride, ::stride]
     turned = snapshot.camera.rays[::stride, ::stride] @ (
@@ -57,7 +58,7 @@ def look(snapshot: Snapshot, *, stride: int, coarser: SampledView | None = None)
     if coarser is None:
         valid = np.isfinite(noise)
         coarse = bool(valid.any() and float(np.median(noise[valid])) > COARSE_SIGMA_M)
-        # Coarse steps need wide windows, far or fine noise does not.
+        # Coarse depth steps need wide windows; fine noise does not.
         upward = upward_share(points, COARSE_WINDOW_PX if coarse else NORMAL_WINDOW_PX)
     else:
         times = coarser.stride // stride
@@ -75,7 +76,7 @@ def look(snapshot: Snapshot, *, stride: int, coarser: SampledView | None = None)
 
 
 def tolerance(sigma: NDArray[np.float32], least: float) -> NDArray[np.float32]:
-    """Return how far from a plane, in metres of height, a pixel with this noise may lie."""
+    """Return the largest height difference, metres, to a plane for a pixel with this noise."""
     width: NDArray[np.float32] = np.maximum(
         np.float32(least), np.float32(_TOLERANCE_SIGMAS) * sigma
     )
@@ -85,7 +86,7 @@ def tolerance(sigma: NDArray[np.float32], least: float) -> NDArray[np.float32]:
 def inside(
     area: shapely.Geometry, points: NDArray[np.float32], among: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Return which of the pixels ``among`` lie in a polygon of the base, to half a cell."""
+    """Return which of the pixels ``among`` lie in a polygon in the base, to half a cell."""
     result = np.zeros_like(among)
     if area.geom_type != "Polygon" or area.is_empty:
         return result
@@ -107,9 +108,9 @@ def inside(
 def is_parted(
     first: NDArray[np.bool_], second: NDArray[np.bool_], through: NDArray[np.bool_]
 ) -> bool:
-    """Say whether the shortest way from a surface to another mostly leads over pixels seen through.
+    """Tell whether the shortest way between two surfaces mostly crosses pixels of a gap.
 
-    All are masks of one image; both surfaces have pixels.
+    All arguments are masks of one image; both surfaces have pixels.
     """
     rows, columns = ndimage.distance_transform_edt(
         ~second, return_distances=False, return_indices=True
