@@ -47,13 +47,21 @@ def test_stdout_is_one_json_line_and_stderr_is_for_people(
     """Others script against the line."""
     run, done = finished
     assert done.stdout.count("\n") == 1
-    assert json.loads(done.stdout) == {
+    line = json.loads(done.stdout)
+    assert line == {
         "recording": str(demo_recording),
         "run": str(run),
         "status": "ok",
         "error": None,
         "model": str(run / "table.json"),
+        "verdict": "good",
+        "reasons": [],
+        "figures": line["figures"],
     }
+    model = TableModel.load(run)
+    for name, figure in model.surface.dimensions.items():
+        assert line["figures"][name] == figure.value
+        assert line["figures"][f"{name}_sigma"] == figure.sigma
     assert f"tablemap view {run}" in done.stderr
     for word in ("shape", "rectangle", "length", "height", "legs", "verdict"):
         assert word in done.stderr

@@ -22,7 +22,9 @@ def stderr_console() -> Console:
 
 def outcome_line(outcome: Outcome) -> dict[str, object]:
     """Return the contract's JSON line of one recording."""
-    run = outcome.run
+    from tablemap.archive.index import figures_of
+
+    run, model = outcome.run, outcome.model
     first, *others = outcome.recording.places
     return {
         "recording": first,
@@ -30,7 +32,10 @@ def outcome_line(outcome: Outcome) -> dict[str, object]:
         "run": str(run.path) if run else None,
         "status": outcome.status,
         "error": outcome.error,
-        "model": str(run.path / "table.json") if run and outcome.model else None,
+        "model": str(run.path / "table.json") if run and model else None,
+        "verdict": model.verdict.level if model else None,
+        "reasons": list(model.verdict.reasons) if model else [],
+        "figures": figures_of(model) if model else {},
     }
 
 
@@ -45,6 +50,30 @@ def outcome_rows(outcomes: list[Outcome]) -> Iterator[tuple[str, ...]]:
         shape, verdict = (model.surface.shape, model.verdict.level) if model else ("", "")
         size, height = size_text(shape, figures), metres_text(figures.get("height"))
         yield (outcome.recording.name, outcome.status, shape, size, height, verdict, run)
+
+
+def exit_code(outcomes: Iterable[Outcome], *, strict: bool) -> int:
+    """Return 1 where a recording failed, else 4 where one is doubtful and that counts.
+
+    Else 3 where one was read only in part, and 0 where all is well.
+    """
+    known = list(outcomes)
+    statuses = {outcome.status for outcome in known}
+    if "failed" in statuses:
+        return 1
+    if strict and any(outcome.model and outcome.model.verdict.level != "good" for outcome in known):
+        return 4
+    return 3 if "partial" in statuses else 0
+
+
+def doubt_lines(outcomes: Iterable[Outcome]) -> Iterator[str]:
+    """Return a line for each recording whose model is not good: why that is so."""
+    from tablemap.model.summary import doubts
+
+    for outcome in outcomes:
+        if outcome.model and outcome.model.verdict.level != "good":
+            why = " ".join(doubts(outcome.model))
+            yield f"{outcome.recording.name} is {outcome.model.verdict.level} because: {why}"
 
 
 def size_text(shape: str | None, figures: dict[str, float]) -> str:
@@ -71,14 +100,20 @@ def aligned(rows: Iterable[Sequence[str]]) -> str:
 
 
 def print_model(model: TableModel, run: Path, *, console: Console) -> None:
-    """Print a model's summary and how to open its run."""
+    """Print a model's summary and notes, how to open its run, and at the end why it is doubted."""
     from rich.table import Table
 
-    from tablemap.model.summary import summary_rows
+    from tablemap.model.summary import doubts, notes, summary_rows
 
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     for name, text in summary_rows(model):
         table.add_row(name, text)
+    for note in notes(model):
+        table.add_row("note", note)
     console.print(table)
     console.print(f"\nrun      {run}", soft_wrap=True)
     console.print(f"open it  tablemap view {run}", soft_wrap=True)
+    if model.verdict.level != "good":
+        console.print(f"\n{model.verdict.level} because:")
+        for doubt in doubts(model):
+            console.print(f"  {doubt}", soft_wrap=True)

@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from tablemap.cli.options import ConfigFile, End, Settings, Start, window
-from tablemap.cli.printing import aligned, outcome_line, outcome_rows, print_model, stderr_console
+from tablemap.cli.printing import (
+    aligned,
+    doubt_lines,
+    exit_code,
+    outcome_line,
+    outcome_rows,
+    print_model,
+    stderr_console,
+)
 from tablemap.errors import TablemapError
 
 if TYPE_CHECKING:
@@ -76,6 +84,9 @@ def process(
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON line a recording on stdout.")
     ] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit with 4 where a model is doubtful.")
+    ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors alone.")] = False,
 ) -> None:
     """Model the table in each RECORDING; every step goes into DIR/<recording>/<run>/run.rrd."""
@@ -113,9 +124,9 @@ def process(
             exported &= _export_processed(outcome.run.path, formats, resolved, quiet=quiet)
     if len(paths) > 1 and not quiet:
         typer.echo(aligned(outcome_rows(outcomes)), err=as_json)
-    statuses = {outcome.status for outcome in outcomes}
-    failed = "failed" in statuses or not exported
-    raise typer.Exit(1 if failed else 3 if "partial" in statuses else 0)
+        for line in doubt_lines(outcomes):
+            typer.echo(line, err=as_json)
+    raise typer.Exit(exit_code(outcomes, strict=strict) if exported else 1)
 
 
 def _follow(*, live: bool) -> Follow:

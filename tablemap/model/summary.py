@@ -29,8 +29,25 @@ def summary_rows(model: TableModel) -> list[tuple[str, str]]:
     used = sum(snapshot.used for snapshot in model.snapshots)
     rows.append(("views", f"{used} of {len(model.snapshots)} used"))
     rows.append(("verdict", model.verdict.level))
-    rows.extend(("warning", f"{warning.code}: {warning.message}") for warning in model.warnings)
     return rows
+
+
+def doubts(model: TableModel) -> list[str]:
+    """Return why a model is not good: the verdict's reasons, each with its warning's code."""
+    codes = {warning.message: warning.code for warning in model.warnings}
+    return [
+        f"{codes[reason]}: {reason}" if reason in codes else reason
+        for reason in model.verdict.reasons
+    ]
+
+
+def notes(model: TableModel) -> list[str]:
+    """Return the warnings that are no reasons of the verdict, each with its code."""
+    return [
+        f"{warning.code}: {warning.message}"
+        for warning in model.warnings
+        if warning.message not in model.verdict.reasons
+    ]
 
 
 def length(figure: Figure) -> str:

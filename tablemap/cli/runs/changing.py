@@ -10,6 +10,7 @@ import typer
 
 from tablemap.cli.options import Json
 from tablemap.cli.printing import (
+    exit_code,
     outcome_line,
     print_model,
     stderr_console,
@@ -30,6 +31,9 @@ def reprocess(
         typer.Option("--output", "-o", help="Folder of run folders; else RUN's.", metavar="DIR"),
     ] = None,
     as_json: Json = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit with 4 where a model is doubtful.")
+    ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors alone.")] = False,
 ) -> None:
     """Process a RUN's recording again by its own settings, but for what is changed."""
@@ -53,7 +57,7 @@ def reprocess(
     if outcome.model and outcome.run and not quiet:
         console = stderr_console() if as_json else Console(highlight=False)
         print_model(outcome.model, outcome.run.path, console=console)
-    raise typer.Exit({"failed": 1, "partial": 3}.get(outcome.status, 0))
+    raise typer.Exit(exit_code([outcome], strict=strict))
 
 
 @runs_app.command("prune")

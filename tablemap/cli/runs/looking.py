@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def show(run: Run, as_json: Json = False) -> None:
     """Show what a RUN was made of, how it ended, and its model."""
     from tablemap.archive import load_run
-    from tablemap.model.summary import summary_rows
+    from tablemap.model.summary import doubts, notes, summary_rows
 
     folder = load_run(run)
     manifest = folder.manifest
@@ -48,6 +48,8 @@ def show(run: Run, as_json: Json = False) -> None:
         ("status", manifest.status),
         *([("error", manifest.error)] if manifest.error else []),
         *(summary_rows(model) if model else []),
+        *([("because", doubt) for doubt in doubts(model)] if model else []),
+        *([("note", note) for note in notes(model)] if model else []),
     ]
     typer.echo(aligned(rows))
 

@@ -92,7 +92,7 @@ def _model(model: TableModel, name: str, surface: Surface | None) -> Iterable[st
     yield f'<p class="muted">The table in {name}</p>'
     if verdict.reasons:
         yield "<ul>" + "".join(f"<li>{escape(reason)}</li>" for reason in verdict.reasons) + "</ul>"
-    rows = [row for row in summary_rows(model) if row[0] not in ("verdict", "warning")]
+    rows = [row for row in summary_rows(model) if row[0] != "verdict"]
     yield _table((), [(name, text.replace("+-", "±")) for name, text in rows])
     yield f"<section><h2>From above</h2>{plan(model)}</section>"
     drawn = variance_bars({**model.surface.dimensions, "height": model.surface.height})
