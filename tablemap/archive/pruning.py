@@ -25,11 +25,13 @@ def to_prune(
     older_than: timedelta | None = None,
     status: Collection[str] = (),
     keep: int | None = None,
+    latest: Collection[str] = (),
 ) -> list[RunRow]:
     """Return the runs that every given criterion lets go, oldest first.
 
-    ``keep`` holds the newest runs of each recording, whatever their status. Runs that are
-    ``running`` or ``damaged`` go only where ``status`` names it; one without a date counts as new.
+    ``keep`` holds that many runs of each recording: the newest of those that have a model. The
+    paths in ``latest`` (see `named_latest`) never go. Runs that are ``running`` or ``damaged`` go
+    only where ``status`` names it; one without a date counts as new.
 
     Raises `ConfigError` where no criterion is given, or ``keep`` is less than none.
     """
@@ -42,8 +44,12 @@ def to_prune(
         by_recording[row.recording].append(row)
     going = []
     for own in by_recording.values():
-        for row in own[keep or 0 :]:
+        with_model = [row.path for row in own if row.status in LEAVE_A_MODEL]
+        held = {*with_model[: keep or 0], *latest}
+        for row in own:
             begun = started(row)
+            if row.path in held:
+                continue
             if status and row.status not in status:
                 continue
             if not status and row.status in ("running", "damaged"):
@@ -52,6 +58,12 @@ def to_prune(
                 continue
             going.append(row)
     return sorted(going, key=lambda row: (row.started, row.path))
+
+
+def named_latest(folder: AnyPath) -> set[str]:
+    """Return the runs that ``latest`` names, a recording each: paths relative to ``folder``."""
+    links = as_path(folder).glob("*/latest")
+    return {f"{link.parent.name}/{link.resolve().name}" for link in links if link.is_symlink()}
 
 
 def prune(folder: AnyPath, rows: Sequence[RunRow]) -> None:

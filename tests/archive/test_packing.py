@@ -14,7 +14,7 @@ import zstandard
 from tablemap.archive import RunFolder, load_run
 from tablemap.archive.index import list_runs
 from tablemap.archive.packing import pack, unpack
-from tablemap.archive.pruning import prune, to_prune
+from tablemap.archive.pruning import named_latest, prune, to_prune
 from tablemap.archive.verification import find_input
 from tablemap.errors import ConfigError, RecordingError, TablemapError
 from tablemap.runs.verification import verify
@@ -255,20 +255,35 @@ def many(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     ("criteria", "expected"),
     [
-        ({"older_than": timedelta(days=7)}, ["hall/01", "hall/02", "hall/03"]),
+        ({"older_than": timedelta(days=7)}, ["hall/01", "hall/02"]),
         ({"older_than": timedelta(days=7), "keep": 1}, ["hall/01", "hall/02"]),
         ({"keep": 1}, ["hall/01", "hall/02"]),
+        ({"keep": 2}, ["hall/02"]),
+        ({"keep": 0}, ["hall/01", "hall/02"]),
+        ({"status": ("ok",)}, ["hall/01"]),
         ({"status": ("failed",)}, ["hall/02"]),
         ({"status": ("running",), "older_than": timedelta(days=1)}, ["lab/04"]),
-        ({"keep": 9}, []),
+        ({"keep": 9}, ["hall/02"]),
     ],
 )
 def test_each_criterion_holds_what_it_must(
     many: Path, criteria: dict[str, object], expected: list[str]
 ) -> None:
-    """Together they let go what all of them let go."""
-    going = to_prune(list_runs(many), now=NOW, **criteria)  # type: ignore[arg-type]
+    """Together they let go what all of them let go, and never what ``latest`` names.
+
+    ``keep`` counts the runs with a model: the failed one takes no good one's place.
+    """
+    rows, latest = list_runs(many), named_latest(many)
+    going = to_prune(rows, now=NOW, latest=latest, **criteria)  # type: ignore[arg-type]
     assert [row.path for row in going] == expected
+
+
+def test_an_older_run_that_latest_names_stays(many: Path) -> None:
+    """Where a person made it so."""
+    load_run(many / "hall/01").become_latest()
+    assert named_latest(many) == {"hall/01", "lab/09"}
+    going = to_prune(list_runs(many), now=NOW, keep=1, latest=named_latest(many))
+    assert [row.path for row in going] == ["hall/02"]
 
 
 def test_pruning_without_a_criterion_is_wrong_usage(many: Path) -> None:

@@ -70,16 +70,16 @@ def prune_(
         list[str] | None, typer.Option("--status", help="Only this status; repeatable.")
     ] = None,
     keep: Annotated[
-        int | None, typer.Option("--keep", min=0, help="Hold each recording's newest.", metavar="N")
+        int | None, typer.Option("--keep", min=0, help="Hold each recording's newest with a model.", metavar="N")
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Remove them; else only list them.")] = False,
     as_json: Json = False,
 ) -> None:
-    """List the runs in DIR that may go, and remove them with --yes."""
+    """List the runs in DIR that may go, and remove them with --yes; never a recording's latest."""
     from datetime import UTC, datetime, timedelta
 
     from tablemap.archive.index import list_runs
-    from tablemap.archive.pruning import prune, to_prune
+    from tablemap.archive.pruning import named_latest, prune, to_prune
 
     try:
         age = None if older_than is None else timedelta(days=older_than)
@@ -91,6 +91,7 @@ def prune_(
         older_than=age,
         status=status or (),
         keep=keep,
+        latest=named_latest(folder),
     )
     if yes:
         prune(folder, going)
