@@ -247,7 +247,9 @@ def test_info_names_every_role(demo_recording: Path) -> None:
         "ready",
     ):
         assert word in done.stdout
-    document = json.loads(tablemap_here("info", demo_recording, "--json").stdout)
+    checked = tablemap_here("info", demo_recording, "--json", "--check")
+    assert checked.returncode == 0
+    document = json.loads(checked.stdout)
     assert document["processable"] is True
     assert {topic["role"] for topic in document["topics"]} >= {"depth", "laser", "transforms"}
 

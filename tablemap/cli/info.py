@@ -23,6 +23,9 @@ def info(
     ] = None,
     start: Start = None,
     end: End = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Exit with 1 where process could not work.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Show a RECORDING's topics, roles and frames, and what is missing for processing."""
@@ -35,6 +38,8 @@ def info(
         typer.echo(json.dumps(found.to_dict(), indent=1))
     else:
         typer.echo("\n".join(_info_lines(found)))
+    if check and found.missing:
+        raise typer.Exit(1)
 
 
 def _info_lines(found: RecordingInfo) -> Iterator[str]:

@@ -91,6 +91,9 @@ def test_a_recording_without_messages_cannot_be_processed(tmp_path: Path) -> Non
     shown = tablemap_here("info", file)
     assert shown.returncode == 0
     assert "missing: " in shown.stdout
+    checked = tablemap_here("info", file, "--check")
+    assert (checked.returncode, checked.stdout) == (1, shown.stdout)
+    assert tablemap_here("info", file, "--check", "--json").returncode == 1
 
 
 @pytest.mark.parametrize("command", ["process", "info"])
