@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -32,3 +33,13 @@ def test_test_modules_import_nothing_from_each_other() -> None:
     for file in Path(__file__).parent.rglob("*.py"):
         found = re.findall(r"^(?:from|import) (tests\.\S+)", file.read_text("utf-8"), flags=re.M)
         assert all(name.split(".")[1] == "making" for name in found), file
+
+
+def test_nothing_says_to_install_what_belongs_to_another_project() -> None:
+    """``tablemap`` on PyPI is not this package: extras are installed of a checkout, or by name."""
+    root = Path(__file__).resolve().parent.parent
+    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["name"] != "tablemap"
+    texts = [root / "README.md", root / "pyproject.toml", *(root / "tablemap").rglob("*.py")]
+    wrong = re.compile(r"pip install '?tablemap\b|\"tablemap\[")
+    assert [text for text in texts if wrong.search(text.read_text(encoding="utf-8"))] == []

@@ -22,13 +22,13 @@ from tablemap.files import write_whole
 from tablemap.inputs import AnyInput, Input, sha256
 from tablemap.model import TableModel
 from tablemap.paths import AnyPath, as_path
+from tablemap.version import __version__
 
 if TYPE_CHECKING:
     from tablemap.stages.odometry import Trajectory
 
 SCHEMA = "tablemap/manifest/1"
 PACKAGES = (
-    "tablemap",
     "numpy",
     "scipy",
     "open3d-cpu",
@@ -289,7 +289,11 @@ def versions() -> dict[str, str]:
 
     The source's digest tells two states of a working copy apart that bear the same version.
     """
-    found = {"python": platform.python_version(), "platform": platform.platform()}
+    found = {
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "tablemap": __version__,
+    }
     for package in PACKAGES:
         try:
             found[package] = version(package)

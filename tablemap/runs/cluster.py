@@ -208,7 +208,7 @@ def _connected(address: str) -> Iterator[Client]:
         from distributed.comm.registry import get_backend
     except ImportError as error:
         raise ExternalToolError(
-            "--scheduler needs Dask, which is not installed: pip install 'tablemap[cluster]'"
+            "--scheduler needs Dask, which is not installed: pip install distributed"
         ) from error
 
     logger = logging.getLogger("distributed")

@@ -53,7 +53,7 @@ def served_catalog(folder: Path, *, host: str = LOOPBACK, port: int = 0) -> Iter
         import rerun.server
     except ImportError as error:
         raise ExternalToolError(
-            "the catalog needs DataFusion, which is not installed: pip install 'tablemap[catalog]'"
+            "the catalog needs DataFusion, which is not installed: pip install 'rerun-sdk[catalog]'"
         ) from error
     with tempfile.TemporaryDirectory(prefix="tablemap-") as room:
         try:
