@@ -123,7 +123,8 @@ def run(
         except BaseException as error:
             _leave(folder, page, stages, "failed", f"{type(error).__name__}: {error}")
             raise
-    return Outcome(recording, folder, status, folder.manifest.error, processed.model)
+    # As it is written: rounded as table.json rounds.
+    return Outcome(recording, folder, status, folder.manifest.error, folder.model)
 
 
 def reprocess(

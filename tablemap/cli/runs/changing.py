@@ -70,7 +70,8 @@ def prune_(
         list[str] | None, typer.Option("--status", help="Only this status; repeatable.")
     ] = None,
     keep: Annotated[
-        int | None, typer.Option("--keep", min=0, help="Hold each recording's newest with a model.", metavar="N")
+        int | None,
+        typer.Option("--keep", min=0, help="Hold the newest with a model.", metavar="N"),
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Remove them; else only list them.")] = False,
     as_json: Json = False,
