@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import cache
-from typing import Literal
 
 from threadpoolctl import threadpool_limits
 
-from tablemap.config import Config
-from tablemap.errors import ConfigError, EstimationError, damage_named
+from tablemap.config import Config, Tables, check_tables
+from tablemap.errors import EstimationError, damage_named
 from tablemap.events import OtherTable, Record, StageFinished, StageStarted, ignore, of_table
 from tablemap.model import TableModel
 from tablemap.recording import Recording
@@ -41,9 +39,6 @@ STAGES = (
     "crosscheck",
 )
 
-Tables = Literal["best", "all"] | tuple[float, float]
-"""Which table: the best seen, all of them, or the one nearest to a place in the fixed frame."""
-
 
 @dataclass(frozen=True, eq=False)
 class Processed:
@@ -58,31 +53,21 @@ def process(
     recording: Recording,
     *,
     config: Config | None = None,
-    tables: Tables = "best",
+    tables: Tables | None = None,
     record: Record = ignore,
 ) -> Processed:
     """Turn a recording into the model of its table.
 
-    ``tables`` is ``best``, ``all``, or a place (x, y) in the map, metres: the table nearest to it.
+    ``tables`` is ``best``, ``all``, or a place (x, y) in the map, metres: the table nearest to it;
+    None: what ``config`` says.
     Every result and intermediate step goes to ``record`` as it arises. Raises `RecordingError` or
     `EstimationError` where there is no model to be had, and `ConfigError` for no such tables.
     """
+    config = config or Config()
+    chosen = config.tables if tables is None else check_tables(tables)
     # One thread: faster round small solves, and the same sums in the same order on every run.
     with threadpool_limits(limits=1), damage_named(recording.warnings):
-        return _process(recording, config or Config(), check_tables(tables), record)
-
-
-def check_tables(tables: Tables) -> Tables:
-    """Return which tables are asked for. Raises `ConfigError` for what is no such choice."""
-    if isinstance(tables, str):
-        if tables in ("best", "all"):
-            return tables
-    else:
-        with suppress(TypeError, ValueError):
-            x, y = map(float, tables)
-            if math.isfinite(x) and math.isfinite(y):
-                return x, y
-    raise ConfigError(f"expected best, all or a place (x, y) in metres; found {tables!r}.")
+        return _process(recording, config, chosen, record)
 
 
 def _process(recording: Recording, config: Config, tables: Tables, record: Record) -> Processed:

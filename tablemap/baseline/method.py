@@ -19,11 +19,11 @@ import numpy as np
 
 from tablemap import model as m
 from tablemap.baseline.shapes import Found, find_circle, find_parallelogram, hull_points
-from tablemap.config import Config, ReportConfig
+from tablemap.config import Config, ReportConfig, Tables
 from tablemap.errors import EstimationError
 from tablemap.events import Record, ignore
 from tablemap.geometry import Floats, transform
-from tablemap.pipeline import Processed, Tables, stages
+from tablemap.pipeline import Processed, stages
 from tablemap.recording import Recording
 from tablemap.stages.odometry import Trajectory
 from tablemap.stages.snapshots import Snapshot, take_snapshots
@@ -58,13 +58,13 @@ class ViewCloud:
 
 
 def process(
-    recording: Recording, *, config: Config, tables: Tables = "best", record: Record = ignore
+    recording: Recording, *, config: Config, tables: Tables | None = None, record: Record = ignore
 ) -> Processed:
     """Model the table as the report did; ``tables`` other than the best are not for this method.
 
     Raises `EstimationError` where no snapshot shows a horizontal plane in its nearest cluster.
     """
-    if tables != "best":
+    if (config.tables if tables is None else tables) != "best":
         raise EstimationError(
             "the report's method takes what is nearest: leave out --near and --all."
         )

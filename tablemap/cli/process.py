@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from tablemap.config import Config
     from tablemap.events import StageStarted
     from tablemap.inputs import Input
-    from tablemap.pipeline import Tables
     from tablemap.runs.jobs import Job, Progress
     from tablemap.runs.running import Follow, Outcome
 
@@ -55,9 +54,9 @@ def process(
         bool, typer.Option("--all", help="Model every table; the others go to tables/NN.json.")
     ] = False,
     method: Annotated[
-        Literal["tablemap", "report"],
+        Literal["tablemap", "report"] | None,
         typer.Option("--method", help="Our method, or the bachelor report's as the baseline."),
-    ] = "tablemap",
+    ] = None,
     formats: Annotated[
         list[str] | None,
         typer.Option(
@@ -99,8 +98,13 @@ def process(
         raise typer.BadParameter("--near and --all exclude each other.")
     if scheduler and (jobs > 1 or live):
         raise typer.BadParameter("--scheduler excludes --jobs and --live.")
-    tables: Tables = near or ("all" if every_table else "best")
-    chosen = [*window(start, end), *([f"review.level={level}"] if level else [])]
+    chosen = [
+        *window(start, end),
+        *([f"review.level={level}"] if level else []),
+        *([f"method={method}"] if method else []),
+        *(["tables=all"] if every_table else []),
+        *([f"tables=[{near[0]!r}, {near[1]!r}]"] if near else []),
+    ]
     resolved = load_config(config, overrides=[*(settings or ()), *chosen])
     if formats:
         from tablemap.export import check_formats
@@ -109,7 +113,7 @@ def process(
     outcomes = []
     exported = True
     paths = expand(recordings, together=together)
-    job = Job(output, resolved, method, tables, follow=_follow(live=live))
+    job = Job(output, resolved, follow=_follow(live=live))
     many = _many(scheduler, jobs)
     for outcome in _outcomes(paths, job, many, again=again, quiet=quiet):
         outcomes.append(outcome)

@@ -17,7 +17,7 @@ from tablemap.config.sensors import SensorsConfig
 from tablemap.config.snapshots import SnapshotsConfig
 from tablemap.config.surface import SurfaceConfig
 from tablemap.config.topics import TopicsConfig
-from tablemap.config.tree import Config
+from tablemap.config.tree import Config, Method, Tables, check_tables
 
 __all__ = [
     "CalibrationConfig",
@@ -26,6 +26,7 @@ __all__ = [
     "ExportConfig",
     "LegsConfig",
     "LimitsConfig",
+    "Method",
     "OdometryConfig",
     "OutlineConfig",
     "RegistrationConfig",
@@ -35,7 +36,9 @@ __all__ = [
     "SensorsConfig",
     "SnapshotsConfig",
     "SurfaceConfig",
+    "Tables",
     "TopicsConfig",
+    "check_tables",
     "dump_config",
     "explain_config",
     "load_config",

@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+import math
+from contextlib import suppress
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ModelWrapValidatorHandler, ValidationError, model_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    ModelWrapValidatorHandler,
+    ValidationError,
+    model_validator,
+)
 
 from tablemap.config.calibration import CalibrationConfig
 from tablemap.config.crosscheck import CrossCheckConfig
@@ -24,6 +32,26 @@ from tablemap.config.surface import SurfaceConfig
 from tablemap.config.topics import TopicsConfig
 from tablemap.errors import ConfigError
 
+Method = Literal["tablemap", "report"]
+"""Which method: this package's, or the bachelor report's as the baseline."""
+
+Tables = Literal["best", "all"] | tuple[float, float]
+"""Which table: the best seen, all of them, or the one nearest to a place in the fixed frame."""
+
+
+def check_tables(tables: object) -> Tables:
+    """Return which tables are asked for. Raises `ConfigError` for what is no such choice."""
+    if tables == "best":
+        return "best"
+    if tables == "all":
+        return "all"
+    if not isinstance(tables, str):
+        with suppress(TypeError, ValueError):
+            x, y = map(float, tables)  # type: ignore[call-overload]
+            if math.isfinite(x) and math.isfinite(y):
+                return x, y
+    raise ConfigError(f"expected best, all or a place (x, y) in metres; found {tables!r}.")
+
 
 class Config(Section):
     """Everything that decides a run's result, apart from the recording.
@@ -35,6 +63,15 @@ class Config(Section):
         default=0,
         ge=0,
         description="number that the random draws start from; the same seed gives the same bytes",
+    )
+    method: Method = Field(
+        default="tablemap",
+        description="tablemap, or report: the bachelor report's method, as the baseline",
+    )
+    tables: Annotated[Tables, BeforeValidator(check_tables)] = Field(
+        default="best",
+        description="which table: best (the best seen), all, or [x, y]: the nearest to that "
+        "place, metres in the map",
     )
     topics: TopicsConfig = TopicsConfig()
     sensors: SensorsConfig = SensorsConfig()

@@ -7,7 +7,6 @@ from collections.abc import Callable, Collection, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from tablemap.archive.folder import LEAVE_A_MODEL, RunFolder, load_run, versions
 from tablemap.config import Config, dump_config
@@ -15,10 +14,7 @@ from tablemap.errors import ConfigError, TablemapError
 from tablemap.events import StageStarted
 from tablemap.inputs import AnyInput, Input
 from tablemap.paths import AnyPath, as_path
-from tablemap.runs.running import Follow, Method, Outcome, run
-
-if TYPE_CHECKING:
-    from tablemap.pipeline import Tables
+from tablemap.runs.running import Follow, Outcome, run
 
 TRIES = 2
 """How often a recording is begun whose workers die."""
@@ -32,8 +28,6 @@ class Job:
 
     output: Path
     config: Config
-    method: Method = "tablemap"
-    tables: Tables = "best"
     follow: Follow = nullcontext
 
     def __call__(self, recording: AnyInput, progress: Callable[[object], None]) -> Outcome:
@@ -42,8 +36,6 @@ class Job:
             recording,
             output=self.output,
             config=self.config,
-            method=self.method,
-            tables=self.tables,
             progress=progress,
             follow=self.follow,
         )
@@ -90,7 +82,6 @@ def done_already(recording: AnyInput, job: Job) -> RunFolder | None:
         manifest = held.manifest
         if (
             manifest.status not in LEAVE_A_MODEL
-            or (manifest.method, manifest.tables) != (job.method, job.tables)
             or _comparable(manifest.versions) != _comparable(versions())
             or manifest.recording.size != recording.size()
             or not (held.path / "table.json").is_file()

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 from tablemap.archive.folder import RunFolder, load_run, trajectory_tum
 from tablemap.archive.verification import find_input
-from tablemap.config import Config, dump_config, load_config
+from tablemap.config import Config, Method, Tables, check_tables, dump_config, load_config
 from tablemap.errors import LOSSES, ConfigError, TablemapError
 from tablemap.events import Record, RunFailed, StageFinished, StageStarted, ignore
 from tablemap.inputs import AnyInput, Input
@@ -19,11 +19,10 @@ from tablemap.model import TableModel
 from tablemap.paths import AnyPath, as_path
 
 if TYPE_CHECKING:
-    from tablemap.pipeline import Processed, Tables
+    from tablemap.pipeline import Processed
     from tablemap.review.page.page import Page
 
 Follow = Callable[[Path], AbstractContextManager[object]]
-Method = Literal["tablemap", "report"]
 
 
 @dataclass(frozen=True)
@@ -49,8 +48,8 @@ def run(
     *,
     output: AnyPath = "runs",
     config: Config | None = None,
-    method: Method = "tablemap",
-    tables: Tables = "best",
+    method: Method | None = None,
+    tables: Tables | None = None,
     progress: Record = ignore,
     follow: Follow = nullcontext,
 ) -> Outcome:
@@ -58,6 +57,7 @@ def run(
 
     Of one drive several files may be given, which are read together.
     ``tables`` is ``best``, ``all``, or a place (x, y) in the map, metres: the table nearest to it.
+    ``method`` is ``tablemap`` or ``report``. Where one is None, ``config`` says it.
     ``progress`` is given what the stages record, as it arises. ``follow`` is given the path of
     ``run.rrd`` before it is written, and left after.
 
@@ -67,13 +67,14 @@ def run(
     `TablemapError` where what is asked for cannot be: no path, no such method or tables.
     """
     recording, output, config = Input.of(recording), as_path(output), config or Config()
+    method = config.method if method is None else method
     if method not in get_args(Method):
         raise ConfigError(f"expected a method of {', '.join(get_args(Method))}; found {method!r}.")
+    tables = config.tables if tables is None else check_tables(tables)
+    # config.toml says all of it: it repeats the run.
+    config = config.model_copy(update={"method": method, "tables": tables})
     try:
         recording.check()
-        from tablemap.pipeline import check_tables
-
-        tables = check_tables(tables)
         folder = RunFolder.create(output, recording, method=method, tables=tables, config=config)
     except ConfigError:
         raise
@@ -142,12 +143,13 @@ def reprocess(
     """
     folder = load_run(folder)
     manifest = folder.manifest
+    # The manifest knows them of runs too whose config.toml does not.
+    place = manifest.tables if isinstance(manifest.tables, str) else list(manifest.tables)
+    held = [f"method={manifest.method}", f"tables={place}"]
     return run(
         find_input(folder),
         output=folder.path.parent.parent if output is None else output,
-        config=load_config(folder.path / "config.toml", overrides=overrides),
-        method="report" if manifest.method == "report" else "tablemap",
-        tables=manifest.tables,
+        config=load_config(folder.path / "config.toml", overrides=[*held, *overrides]),
         progress=progress,
     )
 

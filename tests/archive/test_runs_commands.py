@@ -135,7 +135,7 @@ def test_reprocess_takes_the_run_s_settings_and_the_changes(
     assert isinstance(config, Config)
     assert (config.seed, config.topics.laser) == (5, "/scan")
     assert (called["recording"], called["output"]) == (Input.of(recording), runs.resolve())
-    assert (called["method"], called["tables"]) == ("report", (1.0, 2.0))
+    assert (config.method, config.tables) == ("report", (1.0, 2.0))
     with pytest.raises(ConfigError):
         call("runs", "reprocess", run.path, "--set", "topics.nonsense=1")
     recording.write_bytes(b"A RECORDING")

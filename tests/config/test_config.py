@@ -10,7 +10,7 @@ import pytest
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from tablemap.config import Config, dump_config, load_config
+from tablemap.config import Config, Tables, dump_config, load_config
 from tablemap.config.loading import RENAMED
 from tablemap.errors import ConfigError
 
@@ -96,7 +96,7 @@ def test_a_setting_that_became_a_constant_says_where() -> None:
     assert str(caught.value) == f"crosscheck.reach is a constant now: {place}."
 
 
-SECTIONS = [name for name in Config.model_fields if name != "seed"]
+SECTIONS = [name for name, part in Config() if isinstance(part, BaseModel)]
 
 
 @pytest.mark.parametrize("section", SECTIONS)
@@ -139,3 +139,19 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
     """The path is named."""
     with pytest.raises(ConfigError, match=r"none\.toml"):
         load_config(tmp_path / "none.toml")
+
+
+@pytest.mark.parametrize("tables", ["best", "all", (1.5, -2.0)])
+def test_a_config_holds_which_table_and_which_method(tables: Tables, tmp_path: Path) -> None:
+    """What is written is read back as the same."""
+    config = Config(method="report", tables=tables)
+    file = tmp_path / "config.toml"
+    file.write_text(dump_config(config))
+    assert load_config(file) == config
+
+
+@pytest.mark.parametrize("setting", ["tables=two", "tables=[1]", "tables=[nan, 0]", "tables=7"])
+def test_what_names_no_tables_is_refused(setting: str) -> None:
+    """One sentence that says what may be."""
+    with pytest.raises(ConfigError, match="expected best, all or a place"):
+        load_config(overrides=[setting])

@@ -51,8 +51,8 @@ def test_what_is_done_is_known_by_bytes_config_and_versions(
     assert held is not None
     assert held.path == runs / "lap" / "a"
     assert done_already(recording, Job(runs, load_config(overrides=["seed=1"]))) is None
-    assert done_already(recording, Job(runs, Config(), method="report")) is None
-    assert done_already(recording, Job(runs, Config(), tables=(1.0, 2.0))) is None
+    assert done_already(recording, Job(runs, Config(method="report"))) is None
+    assert done_already(recording, Job(runs, Config(tables=(1.0, 2.0)))) is None
     held.update(versions={**held.manifest.versions, "tablemap": "0.0.1"})
     assert done_already(recording, job) is None
 
