@@ -1,4 +1,4 @@
-"""Where the base was between the stops: KISS-ICP over the laser scans that moved."""
+"""The motion of the base between the stops: KISS-ICP over laser scans of the moving base."""
 
 from tablemap.stages.odometry.lines import fit_windows
 from tablemap.stages.odometry.result import Odometry, OdometryMap, OdometryScan

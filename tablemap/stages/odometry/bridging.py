@@ -1,4 +1,4 @@
-"""The wheels carry the base where no scan could be placed."""
+"""The motion of the wheels, in gaps where no scan could be placed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from tablemap.geometry import Floats
 from tablemap.stages.odometry.trajectory import Trajectory, composed, undone
 
-_GAP_STEPS = 4.0  # usual ways between two scans: what is longer is a gap
+_GAP_STEPS = 4.0  # usual distances between two scans: a longer way is a gap
 
 
 def bridge(
@@ -16,11 +16,11 @@ def bridge(
 ) -> tuple[Trajectory, NDArray[np.int64]]:
     """Fill the gaps between placed scans by the wheels; return the gaps' stamps (g, 2) too.
 
-    A straight line between two scans is wrong as soon as the base drove a curve between them. In a
-    gap the trajectory follows the wheels, what they are off by at its end spread over the way;
-    before the first and after the last scan it follows them alone. ``wheels`` are in a frame of
-    their own, and cover the stamps of ``placed``. ``moved`` (metres) is the usual way between two
-    scans.
+    A straight line between two scans is wrong if the base drove a curve between them. In a gap the
+    trajectory follows the wheels. Their error at the end of the gap is distributed along the way.
+    Before the first scan and after the last one the trajectory follows the wheels without a
+    correction. ``wheels`` are in a frame of their own, and cover the stamps of ``placed``.
+    ``moved`` (metres) is the usual way between two scans.
     """
     way = wheels.way()
     at = np.searchsorted(wheels.stamps_ns, placed.stamps_ns)
@@ -49,7 +49,7 @@ def _carried(
     first: int | None,
     last: int | None,
 ) -> Floats:
-    """Return (n, 3) the wheels' poses ``inside`` a gap between two placed scans (None: open)."""
+    """Return the wheels' poses (n, 3) ``inside`` a gap between two placed scans (None: no scan)."""
     anchor = last if first is None else first
     assert anchor is not None
     seen_from = undone(wheels.poses[at[anchor]])

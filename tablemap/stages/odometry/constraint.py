@@ -1,4 +1,4 @@
-"""Which directions of the plane a scan holds the base in."""
+"""The directions of the plane in which a scan constrains the base."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import numpy as np
 from tablemap.geometry import Floats
 from tablemap.stages.odometry.lines import fit_windows
 
-_REACH = 0.1  # radians either side: far enough for a near wall's line to stand above the noise
+_REACH = 0.1  # radians to either side: a near wall's line is then long against the noise
 _LEAST_POINTS = 5
-_JUMP = 0.1  # metres, or so many times what lies between beams that hit squarely
+_JUMP = 0.1  # metres, or `_JUMP_SPACINGS` beam spacings on a surface that faces the beams
 _JUMP_SPACINGS = 4.0
 _LEAST_COSINE = 0.15
 _LEAST_FLATNESS = 0.25
@@ -19,12 +19,13 @@ _OPEN, _HELD = 0.05, 0.15
 
 
 def constrained(points: Floats, origin: Floats, *, voxel: float) -> Floats:
-    """Return (2, 2) how (n, 2) points in beam order share out over the directions that they hold.
+    """Return (2, 2): the directions that (n, 2) points in beam order constrain, by their share.
 
-    A point on a line holds the base across the line, any other one in both directions alike; what
-    grazes or stands alone holds nothing. Points count by the length (metres) that they stand for,
-    no more than ``voxel``, as KISS-ICP thins them. The trace is 1; the smaller eigenvalue is 0 in
-    an endless corridor and about a third in a room. Where nothing holds it is 0 in both.
+    A point on a line constrains the base across the line; any other point constrains both
+    directions equally. Grazing and lone points constrain nothing. A point counts by the length
+    (metres) of surface that it covers, at most ``voxel``, as KISS-ICP thins the points. The trace
+    is 1. The smaller eigenvalue is 0 in an endless corridor and about a third in a room. Without
+    any constraint the matrix is 0.
     """
     points = points[:: max(1, len(points) // _POINTS)]
     n = len(points)
@@ -46,7 +47,7 @@ def constrained(points: Floats, origin: Floats, *, voxel: float) -> Floats:
     line = across < _LEAST_FLATNESS * along
     cosine = np.abs(np.einsum("ij,ij->i", normals, offset)) / np.maximum(distance, 1e-9)
     holds = (last - first >= _LEAST_POINTS) & (~line | (cosine > _LEAST_COSINE))
-    # Behind a jump a point stands for what lies between two beams, not for the jump.
+    # After a jump a point covers the spacing of two beams, not the jump.
     spans = np.where(jump, increment * distance[1:], step)
     length = np.minimum(np.concatenate([spans[:1], spans]), voxel) * holds
     total = float(length.sum())
@@ -58,12 +59,13 @@ def constrained(points: Floats, origin: Floats, *, voxel: float) -> Floats:
 
 
 def held_share(constraint: Floats) -> Floats:
-    """Return (2, 2), as a gain: 1 in the directions that hold, 0 in those left open.
+    """Return the gain (2, 2): 1 in constrained directions, 0 in open ones.
 
-    Point to point, the many points of a corridor's walls outvote the few that see along it, and
-    what they say there is how they happen to lie: nearest neighbours, not motion. So directions
-    that few points hold are left to the prior (Zhang, Kaess and Singh, On Degeneracy of
-    Optimization-based State Estimation Problems, ICRA 2016), in a transition instead of at a step.
+    In point-to-point ICP the many points on a corridor's walls outvote the few that constrain the
+    motion along it. Along the corridor, nearest neighbours on the walls say nothing about motion.
+    So directions that few points constrain are left to the prior (Zhang, Kaess and Singh, On
+    Degeneracy of Optimization-based State Estimation Problems, ICRA 2016). The gain changes
+    smoothly instead of in a step.
     """
     values, vectors = np.linalg.eigh(constraint)
     gain = np.clip((values - _OPEN) / (_HELD - _OPEN), 0.0, 1.0)

@@ -13,8 +13,8 @@ def fit_windows(
 ) -> tuple[Floats, Floats, Floats]:
     """Fit a line to each window ``points[first[i]:last[i]]`` of (n, 2) finite points.
 
-    Returns (m, 2) unit normals of either sign, and the points' variances along the lines and across
-    them, (m,) square metres each. Windows may overlap: running sums give all moments.
+    Returns unit normals (m, 2) of either sign, and the points' variances along and across the
+    lines, (m,) square metres each. Windows may overlap: running sums give all moments.
     """
     x, y = (points - points.mean(axis=0)).T
     terms = np.stack([x, y, x * x, y * y, x * y])

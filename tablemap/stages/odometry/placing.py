@@ -1,4 +1,4 @@
-"""KISS-ICP over the laser scans that moved."""
+"""KISS-ICP over laser scans of the moving base."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ EVENT_POINTS = 360
 EVENT_MAPS = 30
 """States of KISS-ICP's map that are recorded for the review, spread over the drive."""
 
-_STANDING_EVERY = 8  # scans of a standing base, of which one is used: they say the same
+_STANDING_EVERY = 8  # one of so many scans of a standing base is used: they are all alike
 _LEAST_POINTS = 30
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedScans:
-    """The base at the scans that were used, and how many were not.
+    """The base's poses at the used scans, and the number of skipped scans.
 
-    ``left_open`` (n, 2, 2), in the odometry's frame, projects onto what the prior was kept in: the
-    directions that a scan did not hold, or all.
+    ``left_open`` (n, 2, 2), in the odometry's frame, projects onto the directions in which the
+    prior was kept: those that the scan did not constrain, or all.
     """
 
     trajectory: Trajectory
@@ -48,7 +48,7 @@ def place_scans(
     record: Record,
     warnings: list[ProcessWarning],
 ) -> PlacedScans | None:
-    """Register the scans that moved, one after the other; None where there was none to use."""
+    """Register the scans of the moving base, one after the other; None without a usable scan."""
     on_wheels = has_wheels(recording)
     recorded = recording.odom_from_base if on_wheels else recording.fixed_from_base
 
@@ -143,7 +143,8 @@ def place_scans(
 
 
 def _make_kiss(config: OdometryConfig, maximum_range: float, threshold: float) -> Any:
-    # Imported here: it takes a second. Every section is given, or it would read the environment.
+    # The import takes a second, so it is here. All sections are given: KISS-ICP would otherwise
+    # read missing ones from the environment.
     from kiss_icp.config import KISSConfig
     from kiss_icp.config.config import (
         AdaptiveThresholdConfig,
@@ -181,7 +182,7 @@ def _moved(delta: Pose2, config: OdometryConfig) -> bool:
 
 
 def _is_jump(delta: Pose2, seconds: float, sensors: SensorsConfig) -> bool:
-    # Two centimetres and half a degree: what a localisation may jitter between two scans.
+    # Two centimetres and half a degree: a localisation may jitter by so much between two scans.
     far = np.hypot(delta.x, delta.y) > sensors.localisation_jump_speed * seconds + 0.02
     fastest = sensors.localisation_jump_turn_deg_odometry
     turned = np.degrees(abs(delta.yaw)) > fastest * seconds + 0.5

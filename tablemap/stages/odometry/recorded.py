@@ -1,4 +1,4 @@
-"""The motion as it was recorded: the wheels', or the localisation's."""
+"""The recorded motion of the base: the wheels', or the localisation's."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from tablemap.stages.odometry.trajectory import Trajectory, composed, undone
 from tablemap.stages.snapshots import Snapshot
 
 PosesAt = Callable[[NDArray[np.int64]], tuple[Floats, NDArray[np.bool_]]]
-"""(n,) stamps to (n, 4, 4) poses, and which of them are known."""
+"""Returns the poses (n, 4, 4) at stamps (n,), and a mask of the known ones."""
 
 _LONGEST = 20_000
 
 
 def has_wheels(recording: Recording) -> bool:
-    """Tell whether wheel odometry was recorded: a frame may be named and never be sent."""
+    """Tell whether wheel odometry was recorded: its frame may have a name but no poses."""
     if recording.names.odom is None:
         return False
     probes = np.linspace(recording.start_ns, recording.end_ns, 7).astype(np.int64)
@@ -31,7 +31,7 @@ def has_wheels(recording: Recording) -> bool:
 def recorded_trajectory(
     recording: Recording, snapshots: tuple[Snapshot, ...]
 ) -> tuple[Trajectory, MotionSource]:
-    """Take the wheels' trajectory, moved to begin at its localised pose, or the localisation's."""
+    """Return the wheels' trajectory, started at its localised pose, or the localisation's."""
     at_snapshots = np.array([s.stamp_ns for s in snapshots], dtype=np.int64)
     stamps = np.union1d(thinned_stamps(recording), at_snapshots)
     fixed, localised = recording.fixed_from_bases(stamps)
@@ -58,13 +58,13 @@ def thinned_stamps(recording: Recording) -> NDArray[np.int64]:
 
 
 def known_poses(poses_at: PosesAt, stamps_ns: NDArray[np.int64]) -> Trajectory:
-    """Return the recorded poses at those of the stamps that have one."""
+    """Return the recorded poses at the stamps that have one."""
     matrices, known = poses_at(stamps_ns)
     return Trajectory(stamps_ns[known], _planar(matrices[known]))
 
 
 def sampled(poses_at: PosesAt, stamps_ns: NDArray[np.int64]) -> Trajectory:
-    """Sample a recorded pose at (n,) stamps; an unknown one is that of the last known before."""
+    """Sample a recorded pose at stamps (n,); an unknown pose repeats the last known one."""
     matrices, known = poses_at(stamps_ns)
     if not known.any():
         return Trajectory(stamps_ns, np.zeros((len(stamps_ns), 3)))

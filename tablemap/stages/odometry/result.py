@@ -1,4 +1,4 @@
-"""What the odometry hands on, and what it hands to a reviewer on the way."""
+"""The result of the odometry, and its events for the review."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from tablemap.geometry import Floats, Pose2
 from tablemap.stages.odometry.trajectory import Trajectory
 
 MotionSource = Literal["laser", "wheels", "localisation"]
-"""What the motion between two stamps rests on."""
+"""The sensor that the motion between two stamps comes from."""
 
-# How the error of each source grows with the way, as standard deviations a metre (x, y, yaw): the
-# first two as measured on simulated laps, the last so loose that a localisation's jump fits in.
+# Growth of each source's error with the way: standard deviations of x, y and yaw after one metre.
+# The first two are measured on simulated laps; the last allows for jumps of a localisation.
 _ERROR_PER_METRE: dict[MotionSource, tuple[float, float, float]] = {
     "laser": (0.004, 0.004, 0.001),
     "wheels": (0.03, 0.03, 0.015),
     "localisation": (0.08, 0.08, 0.04),
 }
-# What even a short way costs: interpolation between scans, a stop's own jitter.
+# Least error, even of a short way: interpolation between scans, jitter at a stop.
 _LEAST_ERROR: dict[MotionSource, tuple[float, float, float]] = {
     "laser": (0.004, 0.004, 0.0015),
     "wheels": (0.004, 0.004, 0.004),
@@ -33,12 +33,12 @@ _SHORTEST_WAY = 0.1  # metres
 
 @dataclass(frozen=True, eq=False)
 class OdometryScan:
-    """Event: one scan as KISS-ICP placed it.
+    """Event: KISS-ICP placed one scan.
 
     - ``points``: (n, 2) metres, in the odometry's frame
-    - ``threshold``: metres, the scale of the kernel that it was registered with
-    - ``correction``: metres from where the prior had it to where it ended, in the directions that
-      it holds; measured before a correction that is too large is refused
+    - ``threshold``: metres, the scale of the kernel
+    - ``correction``: metres from the prior to the result, in the directions that the scan
+      constrains; given even if the correction was too large and was refused
     """
 
     stamp_ns: int
@@ -50,7 +50,7 @@ class OdometryScan:
 
 @dataclass(frozen=True, eq=False)
 class OdometryMap:
-    """Event: what KISS-ICP registers scans to. ``points`` (n, 2) in the odometry's frame."""
+    """Event: the map of KISS-ICP, ``points`` (n, 2) in the odometry's frame."""
 
     stamp_ns: int
     points: Floats
@@ -63,11 +63,11 @@ class Odometry:
     - ``trajectory``: the base over time
     - ``localised``, ``wheels``: the recorded trajectories at the same stamps; ``wheels`` is None
       where none were recorded
-    - ``source``: what the motion rests on
+    - ``source``: the sensor that the motion comes from
     - ``scans_used``, ``scans_skipped``: how many scans were registered, and how many were not
-    - ``gaps``: (g, 2) stamps between which no scan could be placed and the wheels bridge the laser
+    - ``gaps``: (g, 2) stamps of gaps: no scan could be placed there, and the wheels gave the motion
     - ``open_way``: (n, 2, 2) metres of way up to each stamp, by direction in the trajectory's
-      frame, that the scans left open (along a corridor) to the motion recorded beside them
+      frame, that no scan constrained (along a corridor); the recorded motion filled in there
     """
 
     trajectory: Trajectory
@@ -81,9 +81,9 @@ class Odometry:
     warnings: tuple[ProcessWarning, ...]
 
     def covariance_between(self, first_ns: int, second_ns: int) -> Floats:
-        """Return the (3, 3) covariance of the motion between two stamps, longer ways looser.
+        """Return the covariance (3, 3) of the motion between two stamps; it grows with the way.
 
-        In the base's frame at the first.
+        It is in the base's frame at the first stamp.
         """
         way = self.trajectory.way_between(first_ns, second_ns)
         bridged = sum(
@@ -99,7 +99,7 @@ class Odometry:
         return covariance
 
     def covariance_over(self, way: float, bridged: float = 0.0) -> Floats:
-        """Return the (3, 3) covariance of the motion over metres of way, and bridged ones."""
+        """Return the covariance (3, 3) of the motion over metres of way, and of bridged way."""
         variances = np.square(_ERROR_PER_METRE[self.source]) * way
         variances += np.square(_ERROR_PER_METRE["wheels"]) * bridged
         least = "wheels" if bridged and self.source == "laser" else self.source

@@ -1,4 +1,4 @@
-"""Where the base was between the stops: by the laser, by the wheels where it saw too little."""
+"""The motion of the base between the stops: by the laser, or by the wheels if it saw too little."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tablemap.stages.odometry.result import MotionSource, Odometry
 from tablemap.stages.odometry.trajectory import Trajectory
 from tablemap.stages.snapshots import Snapshot
 
-_OPEN_SHARE = 0.1  # of the way, in some direction: less is no corridor
+_OPEN_SHARE = 0.1  # of the way, in one direction: a smaller open share is no corridor
 
 
 def estimate_odometry(
@@ -34,12 +34,12 @@ def estimate_odometry(
     sensors: SensorsConfig,
     record: Record,
 ) -> Odometry:
-    """Run KISS-ICP over the scans of the whole drive, or fall back to what was recorded.
+    """Run KISS-ICP over the scans of the whole drive, or use the recorded motion without scans.
 
-    Scans are streamed; those that moved are used, de-skewed by the recorded motion. Each used one
-    goes to ``record`` as an `OdometryScan`, and now and then the map as an `OdometryMap`. Where no
-    scan could be placed the wheels bridge the gap. Raises `EstimationError` where there is no pose
-    at all.
+    Scans are streamed. Scans of the moving base are used, de-skewed by the recorded motion. Each
+    used scan goes to ``record`` as an `OdometryScan`; from time to time the map goes there as an
+    `OdometryMap`. If no scan could be placed, the wheels bridge the gap. Raises `EstimationError`
+    without any pose.
     Source of the method: Vizzo et al., KISS-ICP, RA-L 2023, here in the plane and with a prior.
     """
     warnings: list[ProcessWarning] = []

@@ -1,4 +1,4 @@
-"""A laser scan as points in the base, and the scans of a base that stands as one."""
+"""A laser scan as points in the base, and all scans of a standing base combined into one."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from tablemap.geometry import Bools, Floats, Pose2, transform
 from tablemap.recording.messages import LaserScan
 
-# Beams of a stop farther from their median (metres) saw something else: a person, or an edge.
+# Ranges of a stop's beam farther from their median (metres) hit another thing: a person, an edge.
 _SPREAD = 0.05
-_SEEN_SHARE = 0.6  # of the scans: a beam that fewer of them measured is not known
+_SEEN_SHARE = 0.6  # of the scans: a beam that fewer scans measured is unknown
 
 
 def points_in_base(
@@ -24,12 +24,13 @@ def points_in_base(
 ) -> tuple[Floats, Bools]:
     """Lift a scan to 3D in the base at its stamp.
 
-    ``motion`` is the base's during the sweep (first beam to last), each beam is moved back by its
-    share. Returns (n, 3) points of all beams and the (n,) mask of those that measured something.
+    ``motion`` is the base's motion during the sweep, from the first beam to the last; each beam is
+    moved back by its share. Returns the points (n, 3) of all beams and a mask (n,) of beams that
+    measured something.
     """
     ranges = np.asarray(scan.ranges, dtype=np.float64)
     nearest = max(scan.range_min, 0.02)
-    # Beams at the very end of the range are "nothing seen" with some drivers.
+    # Some drivers set beams that saw nothing to the maximum range.
     farthest = min(maximum_range, scan.range_max - 1e-3 if scan.range_max > 0 else maximum_range)
     valid = np.isfinite(ranges) & (ranges >= nearest) & (ranges <= farthest)
     distance = np.where(valid, ranges, 0.0)
@@ -49,14 +50,14 @@ def points_in_base(
 def sweep_motion(
     scan: LaserScan, base_at: Callable[[int], Pose2 | None]
 ) -> tuple[Pose2 | None, float]:
-    """Return the base's motion during a scan (None: unknown or none), and the time it took.
+    """Return the base's motion during a scan (None: unknown or none), and the scan's duration.
 
-    A driver that leaves ``time_increment`` at zero is taken at its word.
+    If the driver leaves ``time_increment`` at zero, the duration is zero.
     """
     duration = float(scan.time_increment) * max(len(scan.ranges) - 1, 0)
     if not 0.0 < duration < 1.0:
         return None, 0.0
-    # Poses are recorded more coarsely than a sweep takes: a longer base is steadier.
+    # The recorded poses lie further apart in time than a sweep: a longer interval is more stable.
     span = max(duration, 0.1)
     before = base_at(scan.stamp_ns + round((duration - span) / 2 * 1e9))
     after = base_at(scan.stamp_ns + round((duration + span) / 2 * 1e9))
@@ -69,11 +70,11 @@ def sweep_motion(
 
 @dataclass(frozen=True, eq=False)
 class CombinedBeams:
-    """The scans of a base that stands, beam by beam.
+    """The scans of a standing base, combined beam by beam.
 
-    - ``mean``: (beams,) metres, of what lies near the beam's median
-    - ``seen``: (beams,) whether most scans measured something
-    - ``agreed``: (beams,) whether at least half of those lie near the median
+    - ``mean``: (beams,) metres, mean of the ranges near the beam's median
+    - ``seen``: (beams,), whether most scans measured something
+    - ``agreed``: (beams,), whether at least half of these ranges lie near the median
     """
 
     mean: Floats
@@ -82,7 +83,7 @@ class CombinedBeams:
 
 
 def combine_beams(ranges: Floats) -> CombinedBeams:
-    """Combine the (scans, beams) metres of a base that stands; lost beams are not finite."""
+    """Combine the ranges (scans, beams) of a standing base, metres; lost beams are not finite."""
     valid = np.isfinite(ranges)
     filled = np.where(valid, ranges, np.inf)
     order = np.sort(filled, axis=0)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tablemap.geometry import Floats, Pose2, compose, wrap_angles
 
-_TURN_WEIGHT = 0.3  # metres that a radian counts as way
+_TURN_WEIGHT = 0.3  # metres of way for a radian of turning
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +21,7 @@ class Trajectory:
     poses: Floats
 
     def at(self, stamp_ns: int) -> Pose2:
-        """Interpolate; before the first and after the last stamp the end pose holds."""
+        """Interpolate; before the first and after the last stamp return the first or last pose."""
         i = int(
             np.clip(np.searchsorted(self.stamps_ns, stamp_ns), 1, max(len(self.stamps_ns) - 1, 1))
         )
@@ -43,14 +43,14 @@ class Trajectory:
         return Trajectory(stamps, np.array([pose.as_array() for _, pose in timed]).reshape(-1, 3))
 
     def way(self) -> Floats:
-        """Return (n,) metres travelled up to each pose, turning counted at 0.3 m a radian."""
+        """Return metres (n,) travelled up to each pose; a radian of turning counts as 0.3 m."""
         steps = np.diff(self.poses, axis=0)
         turns = np.abs(wrap_angles(steps[:, 2]))
         lengths = np.hypot(steps[:, 0], steps[:, 1]) + _TURN_WEIGHT * turns
         return np.concatenate([[0.0], np.cumsum(lengths)])
 
     def way_between(self, first_ns: int, second_ns: int) -> float:
-        """Return the metres travelled between two stamps, turning counted likewise."""
+        """Return the metres travelled between two stamps; turning counts as in `way`."""
         at = np.interp([first_ns, second_ns], self.stamps_ns.astype(np.float64), self.way())
         return float(abs(at[1] - at[0]))
 
