@@ -1,4 +1,4 @@
-"""Where the robot stood still: depth, calibration and pose of each viewpoint."""
+"""Snapshots from the robot's stops: depth, calibration and pose of each viewpoint."""
 
 from __future__ import annotations
 

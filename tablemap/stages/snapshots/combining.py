@@ -1,4 +1,4 @@
-"""Several depth images of one stop become one."""
+"""Combination of several depth images of one stop into one."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 def combine(images: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
     """Combine (height, width) depth images in metres, NaN missing, into one.
 
-    A pixel is kept where most of the images have it and the middle half of their values agree;
-    mixed pixels and flicker at depth edges do not. Its value is the mean of what lies close to the
-    median, which resolves finer than the sensor's steps. Where the images are evenly split, over
-    whether there is a value or which, the first of them decides: one image shows depth edges where
-    they are, and to keep all that either has, or only what both have, moves each edge by a third
-    of a pixel.
+    A pixel is kept if most images have a value there and the middle half of the values agree. Mixed
+    pixels and flicker at depth edges fail this test. The pixel's value is the mean of the values
+    close to the median, which is finer than the sensor's depth steps. If the images are evenly
+    split, over whether there is a value or over which, the first image decides: a single image
+    shows depth edges at their true place. The union or the intersection of two images would move
+    each edge by a third of a pixel.
     """
     if len(images) == 1:
         return images[0].astype(np.float32)
@@ -27,7 +27,7 @@ def combine(images: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
     enough = 2 * valid > len(images)
 
     def quantile(numerator: int) -> NDArray[np.float32]:
-        # Ranks round outward on either side, so that no side's outlier decides by itself.
+        # Ranks are rounded outward on both sides, so that one outlier does not decide.
         last = valid - 1
         rank = last * numerator // 4 if numerator <= 2 else last - last * (4 - numerator) // 4
         rank = np.clip(rank, 0, None)

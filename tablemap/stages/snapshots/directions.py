@@ -1,4 +1,4 @@
-"""Where the camera looked: a stop at which the head turns is a view for each of its rests."""
+"""Directions of the camera: a stop at which the head turns gives one view for each direction."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from tablemap.stages.snapshots.result import SetAside, Viewpoint
 from tablemap.stages.snapshots.stops import SECOND_NS, choose_by_new_view, far_apart
 
 SAME_MOUNT_M, SAME_MOUNT_ANGLE = 0.003, np.deg2rad(0.3)
-# Encoders jitter and necks sag by less than this; a robot that looks elsewhere turns by more.
+# Encoder jitter and a sagging neck stay below this; a robot that looks elsewhere turns by more.
 ELSEWHERE_M, ELSEWHERE_ANGLE = 0.03, np.deg2rad(3.0)
-STEEP = np.sin(np.deg2rad(10.0))  # an axis closer to the vertical: the image's upright is heeded
+STEEP = np.sin(np.deg2rad(10.0))  # with an axis closer to the vertical the image's up gives heading
 SAMPLE_NS, MOST_SAMPLES = SECOND_NS // 20, 6000
 _BLOCK = 64
 
 
 @dataclass(frozen=True, eq=False)
 class _Look:
-    """One direction, and the images taken in it: ``mount`` (4, 4) is the camera's in the base."""
+    """One direction and its images; ``mount`` (4, 4) is the camera's pose in the base."""
 
     mount: Floats
     stamps_ns: NDArray[np.int64]
@@ -34,11 +34,12 @@ class _Look:
 def by_direction(
     recording: Recording, stop: Viewpoint, config: SnapshotsConfig
 ) -> tuple[list[Viewpoint], list[SetAside]]:
-    """Split a stop by where the camera looked; return its views and what none of them takes.
+    """Split a stop by the camera's direction; return its views and the images outside of them.
 
-    A camera that jitters or sags leaves the stop as it is. Where it looked elsewhere, each rest is
-    a view, but a direction to which it came back only once; where it never rested, the images that
-    show something new are. They share out the time of the stop, so that each has its own scans.
+    A camera that only jitters or sags leaves the stop as one view. If the camera turned, each
+    direction in which it rested is one view, even if it came back there. If it never rested, the
+    images that show something new are the views. The views divide the time of the stop, so that
+    each has its own scans.
     """
     if len(stop.stamps_ns) == 1:
         return [stop], []
@@ -67,9 +68,9 @@ def by_direction(
 
 
 def views_at(recording: Recording, stamps_ns: NDArray[np.int64]) -> Floats:
-    """Return (n, 4) the base's x and y, the camera's heading and how high it looks, radians.
+    """Return (n, 4): the base's x and y, metres, the camera's heading and elevation, radians.
 
-    The heading is the base's own as far as the camera never looked elsewhere.
+    If the camera never turned in the base, the heading is that of the base.
     """
     views = np.zeros((len(stamps_ns), 4))
     views[:, :3] = [planar_pose(recording, int(s)).as_array() for s in stamps_ns]
@@ -83,7 +84,7 @@ def views_at(recording: Recording, stamps_ns: NDArray[np.int64]) -> Floats:
 
 
 def planar_pose(recording: Recording, stamp_ns: int) -> Pose2:
-    """Return where the base was localised. Raises `EstimationError` where that is not known."""
+    """Return the base's localised pose. Raises `EstimationError` if it is unknown."""
     pose = recording.fixed_from_base(stamp_ns)
     if pose is None:
         raise EstimationError(f"No pose at {stamp_ns} ns: {recording.input}")
@@ -91,9 +92,10 @@ def planar_pose(recording: Recording, stamp_ns: int) -> Pose2:
 
 
 def turned_left(mounts: Floats) -> Floats:
-    """Return (n,) radians by which (n, 4, 4) mountings in the base look left of its x axis.
+    """Return the angles (n,), radians, of mountings (n, 4, 4) to the left of the base's x axis.
 
-    All are 0 where all look one way: what an encoder or a hand jitters is no turn of a head.
+    All are 0 if all mountings look in one direction: jitter of an encoder or a hand is no turn of a
+    head.
     """
     ahead = mounts[:, :2, 2].copy()
     steep = np.hypot(ahead[:, 0], ahead[:, 1]) < STEEP
@@ -104,12 +106,12 @@ def turned_left(mounts: Floats) -> Floats:
 
 
 def same_mount(first: Floats, second: Floats) -> bool:
-    """Tell whether two (4, 4) mountings are the same to what encoders jitter."""
+    """Tell whether two mountings (4, 4) are the same up to the jitter of encoders."""
     return bool(_alike(first[None], second)[0])
 
 
 def _runs(stamps: NDArray[np.int64], mounts: Floats) -> list[_Look]:
-    """Group images taken one by one, as far apart as only a camera at rest takes them."""
+    """Group images taken far apart in time, as from a camera that rests for each image."""
     looks: list[_Look] = []
     first = 0
     while first < len(stamps):
@@ -123,7 +125,7 @@ def _runs(stamps: NDArray[np.int64], mounts: Floats) -> list[_Look]:
 def _rests(
     recording: Recording, stop: Viewpoint, stamps: NDArray[np.int64], config: SnapshotsConfig
 ) -> list[_Look]:
-    """Find where the camera rested, by TF and not by images, for as long as a stop must last."""
+    """Find the camera's rests that last as long as a stop must; use TF, not the images' stamps."""
     step = max(SAMPLE_NS, (stop.end_ns - stop.start_ns) // MOST_SAMPLES)
     times = np.union1d(np.arange(stop.start_ns, stop.end_ns + 1, step, dtype=np.int64), stamps)
     mounts, known = recording.base_from_cameras(times)
@@ -135,7 +137,7 @@ def _rests(
         if times[last] - times[first] >= config.stop_seconds * SECOND_NS:
             images = stamps[(stamps >= times[first]) & (stamps <= times[last])]
             if rests and not _elsewhere(mounts[first : first + 1], rests[-1].mount)[0]:
-                # It sagged or twitched: what is alike in a view is sorted out when it is decoded.
+                # The camera sagged or twitched. The decoding later picks the images that agree.
                 rests[-1] = _Look(rests[-1].mount, np.union1d(rests[-1].stamps_ns, images))
             else:
                 rests.append(_Look(mounts[first], images))
@@ -145,7 +147,7 @@ def _rests(
 
 
 def _held_until(mounts: Floats, first: int) -> int:
-    """Return the last of the (n, 4, 4) mountings in a row that are alike the one at ``first``."""
+    """Return the last index of the run of mountings (n, 4, 4) that are like the ``first`` one."""
     for start in range(first, len(mounts), _BLOCK):
         moved = np.flatnonzero(~_alike(mounts[start : start + _BLOCK], mounts[first]))
         if len(moved):
@@ -154,7 +156,7 @@ def _held_until(mounts: Floats, first: int) -> int:
 
 
 def _once_each(looks: list[_Look]) -> tuple[list[_Look], list[SetAside]]:
-    """Keep of several looks in one direction the one with most images, in time order."""
+    """Of several looks in one direction keep the one with most images; return in time order."""
     kept: list[_Look] = []
     aside = []
     for look in sorted(looks, key=lambda one: -len(one.stamps_ns)):
@@ -168,7 +170,7 @@ def _once_each(looks: list[_Look]) -> tuple[list[_Look], list[SetAside]]:
 
 
 def _shared_out(stop: Viewpoint, views: list[NDArray[np.int64]]) -> list[Viewpoint]:
-    """Part a stop's time halfway between its views' images."""
+    """Divide a stop's time at the middles between its views' images."""
     parts = [(int(before[-1]) + int(after[0])) // 2 for before, after in pairwise(views)]
     starts = [stop.start_ns, *(part + 1 for part in parts)]
     return [
@@ -178,24 +180,24 @@ def _shared_out(stop: Viewpoint, views: list[NDArray[np.int64]]) -> list[Viewpoi
 
 
 def _angles(mounts: Floats) -> Floats:
-    """Return (n, 2) how far to the left, and how far up, mountings look."""
+    """Return the angles (n, 2) of mountings to the left and upward, radians."""
     return np.column_stack([turned_left(mounts), np.arcsin(np.clip(mounts[:, 2, 2], -1.0, 1.0))])
 
 
 def _alike(mounts: Floats, other: Floats) -> NDArray[np.bool_]:
-    """Return which of (n, 4, 4) mountings are another (4, 4) to what encoders jitter."""
+    """Return which of (n, 4, 4) mountings equal another (4, 4) up to the jitter of encoders."""
     shift, angle = _apart(mounts, other)
     return np.asarray((shift < SAME_MOUNT_M) & (angle < SAME_MOUNT_ANGLE))
 
 
 def _elsewhere(mounts: Floats, other: Floats) -> NDArray[np.bool_]:
-    """Return which of (n, 4, 4) mountings look elsewhere than another (4, 4) does."""
+    """Return which of (n, 4, 4) mountings look elsewhere than another (4, 4)."""
     shift, angle = _apart(mounts, other)
     return np.asarray((shift >= ELSEWHERE_M) | (angle >= ELSEWHERE_ANGLE))
 
 
 def _apart(mounts: Floats, other: Floats) -> tuple[Floats, Floats]:
-    """Return how far (n, 4, 4) mountings are from another (4, 4): (n,) metres, (n,) radians."""
+    """Return the distances of mountings (n, 4, 4) to another (4, 4): (n,) metres, (n,) radians."""
     shift = np.linalg.norm(mounts[:, :3, 3] - other[:3, 3], axis=1)
     cosine = (np.einsum("nij,ij->n", mounts[:, :3, :3], other[:3, :3]) - 1) / 2
     return shift, np.arccos(np.clip(cosine, -1.0, 1.0))

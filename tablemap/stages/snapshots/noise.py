@@ -1,4 +1,4 @@
-"""How well an image knows its depth: noise and quantisation, read off the image itself."""
+"""The noise and quantisation of a depth image, estimated from the image itself."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from tablemap.robust import mad_sigma
 from tablemap.stages.snapshots.result import Snapshot
 
 ROW_STRIDE_PX = 5
-LAG_PX = 4  # structured light correlates neighbouring pixels; this far apart they are nearly free
+LAG_PX = 4  # structured light correlates neighbouring pixels; at this distance hardly any more
 SLAB_M = 0.25
 BIN_M = 0.0005
 LEAST_SAMPLES = 200
@@ -25,9 +25,9 @@ def axial_noise(depth: NDArray[np.float32]) -> NDArray[np.float32]:
 def depth_sigma(snapshot: Snapshot) -> NDArray[np.float32]:
     """Return (height, width) the standard deviation of each depth in metres, NaN where missing.
 
-    Per slab of range: the spread of second differences along the rows (of which a plane has none),
-    and the distance between the depth values that occur at all, as a uniform error of that width.
-    Where a slab has too few pixels, the noise of a structured-light camera stands in.
+    Each slab of range has two terms: the spread of second differences along the rows (they are zero
+    on a plane), and the step between the depth values that occur, as a uniform error of that
+    width. A slab with too few pixels gets the noise of a structured-light camera.
     """
     depth = snapshot.depth
     slab = np.where(np.isfinite(depth), depth / SLAB_M, 0).astype(np.int32)
@@ -54,9 +54,10 @@ def depth_sigma(snapshot: Snapshot) -> NDArray[np.float32]:
 
 
 def coarse_step(snapshot: Snapshot) -> float:
-    """Return the distance in metres between depth values where they are coarse, else 0.
+    """Return the step between depth values, metres, if it is coarse, else 0.
 
-    A disparity's steps, up to a percent of the range, are none of it: they are rounded evenly.
+    Steps of a disparity, up to a percent of the range, do not count as coarse: their rounding
+    errors average out.
     """
     depth = snapshot.depth
     valid = depth[np.isfinite(depth)]
@@ -73,7 +74,7 @@ def coarse_step(snapshot: Snapshot) -> float:
 
 
 def _value_steps(depth: NDArray[np.float32], slabs: int) -> NDArray[np.float32]:
-    """Return the (slabs,) distance between occurring depth values, 0 where they lie densely."""
+    """Return the steps (slabs,) between occurring depth values, metres, 0 where they are dense."""
     steps = np.zeros(slabs, dtype=np.float32)
     thin = depth[::2, ::2]
     valid = thin[np.isfinite(thin)]

@@ -1,4 +1,4 @@
-"""Which way the surfaces of an organised image face, without searching for neighbours."""
+"""Normals of the surfaces in an organised image, without a search for neighbours."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from scipy import ndimage
 def upward_share(points: NDArray[np.float32], half_window_px: int) -> NDArray[np.float32]:
     """Return (height, width) |n_z| of the surface normals of (height, width, 3) points.
 
-    The points are averaged over a window (missing ones left out) and the normal taken across
-    neighbouring windows, which holds up against noise and coarse depth steps. NaN where too little
-    of the window was measured; close to depth edges the value means little.
+    The points are averaged over a window, without missing ones, and the normal is computed from
+    neighbouring windows: this is robust to noise and coarse depth steps. The result is NaN where
+    too little of the window was measured; close to depth edges it is unreliable.
     """
     size = 2 * half_window_px + 1
     missing = ~np.isfinite(points[..., 2])

@@ -1,4 +1,4 @@
-"""What a viewpoint is: depth, camera and pose."""
+"""The result of the snapshot stage: depth, camera and pose of each viewpoint."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from tablemap.geometry import Floats, Pose2, transform
 from tablemap.recording.messages import CompressedImage, Image
 
 SnapshotsKind = Literal["stops", "keyframes"]
-"""Whether the base stood still for them, or they were chosen on the way."""
+"""Whether the snapshots come from stops of the base, or were chosen during the drive."""
 
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole: pixels; x right, y down, z forward (REP 103 optical frame)."""
+    """A pinhole camera, in pixels; x right, y down, z forward (REP 103 optical frame)."""
 
     width: int
     height: int
@@ -40,7 +40,7 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class Viewpoint:
-    """A planned snapshot: when the base stood, and the ``stamps_ns`` of the images there."""
+    """A planned snapshot: the time that the base stood, and the ``stamps_ns`` of its images."""
 
     start_ns: int
     end_ns: int
@@ -48,7 +48,7 @@ class Viewpoint:
 
     @property
     def middle_ns(self) -> int:
-        """The image nearest the middle of the images."""
+        """The stamp of the middle image."""
         return int(self.stamps_ns[len(self.stamps_ns) // 2])
 
 
@@ -56,15 +56,18 @@ class Viewpoint:
 class Snapshot:
     """One viewpoint.
 
-    ``depth`` is (height, width) float32 in metres, NaN where nothing was measured, combined over
-    ``images`` images of the stop. ``base_from_camera`` (4, 4) carries the camera's height, roll and
-    pitch, also where those came from the localisation: the base moves in the plane alone
-    (``map_from_base``, as localised at ``stamp_ns``). ``odom_from_base`` is None without wheel
-    odometry. ``start_ns`` and ``end_ns`` bound the time that the base stood still,
-    or this view's part of it where the camera rested in several directions.
-    ``depth_message`` and ``colour_message`` are what was recorded nearest the stamp. ``base_z`` is
-    the height of the base's own origin in the fixed frame, metres. ``localised_sigma`` (3,) is what
-    the localisation said of ``map_from_base``: x, y (metres), yaw (radians); None: it said nothing.
+    - ``start_ns``, ``end_ns``: bounds of the time that the base stood still, or of this view's part
+      of it if the camera rested in several directions
+    - ``images``: how many images of the stop were combined
+    - ``depth``: (height, width) float32 metres, NaN where nothing was measured
+    - ``base_from_camera``: (4, 4), with the camera's height, roll and pitch, also if these come
+      from the localisation
+    - ``map_from_base``: the localised pose at ``stamp_ns``: the base moves only in the plane
+    - ``odom_from_base``: None without wheel odometry
+    - ``depth_message``, ``colour_message``: the recorded messages nearest to the stamp
+    - ``base_z``: metres, the height of the base's origin in the fixed frame
+    - ``localised_sigma``: (3,) standard deviations of ``map_from_base`` as recorded, x and y in
+      metres, yaw in radians; None if the localisation recorded none
     """
 
     index: int
@@ -94,7 +97,7 @@ class Snapshot:
 
 @dataclass(frozen=True)
 class SetAside:
-    """Something that was not used, and why: its ``index`` among snapshots where it has one."""
+    """An image or viewpoint that was not used, and why; ``index`` is its snapshot's, if any."""
 
     what: Literal["depth image", "viewpoint"]
     stamp_ns: int
@@ -104,7 +107,7 @@ class SetAside:
 
 @dataclass(frozen=True, eq=False)
 class Snapshots:
-    """All viewpoints of a recording, in time order, and what became none."""
+    """All viewpoints of a recording, in time order, and the images that were not used."""
 
     snapshots: tuple[Snapshot, ...]
     set_aside: tuple[SetAside, ...]

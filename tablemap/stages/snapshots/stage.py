@@ -27,7 +27,7 @@ from tablemap.stages.snapshots.stops import (
     standing_intervals,
 )
 
-_LEAST_STOPS = 3  # with a tenth of the images: a robot that stopped by plan, not by chance
+_LEAST_STOPS = 3  # this many stops, with a tenth of the images, are planned and not by chance
 
 
 def take_snapshots(
@@ -35,9 +35,9 @@ def take_snapshots(
 ) -> Snapshots:
     """Find the viewpoints by the poses, then decode and combine only their images.
 
-    Each stop gives one snapshot, or one for each direction in which the camera rested there; a
-    recording that never stands still gives keyframes by distance and angle. Raises
-    `RecordingError` without depth images and `EstimationError` where none of them has a pose.
+    Each stop gives one snapshot, or one for each direction in which the camera rested there. If the
+    base never stands still, keyframes are chosen by distance and angle. Raises `RecordingError`
+    without depth images, and `EstimationError` if none of them has a pose.
     """
     stamps = np.unique(recording.depth_stamps())
     if len(stamps) == 0:
@@ -75,7 +75,7 @@ def take_snapshots(
 def _with_pose(
     recording: Recording, stamps: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], list[SetAside]]:
-    """Part the stamps into those with a localised pose and a note of those without."""
+    """Return the stamps with a localised pose, and a note for each stamp without one."""
     known = np.array([recording.fixed_from_base(int(s)) is not None for s in stamps], dtype=bool)
     names = recording.names
     if not known.any():
@@ -123,7 +123,7 @@ def _plan(
 
 
 def _by_place(recording: Recording, stamps: NDArray[np.int64]) -> list[Viewpoint]:
-    """Group images far apart in time: those taken in a row at one place are one viewpoint."""
+    """Group images that are far apart in time: consecutive ones at one place are one viewpoint."""
     groups: list[list[int]] = []
     place: Pose2 | None = None
     for stamp in stamps:
@@ -139,21 +139,22 @@ def _by_place(recording: Recording, stamps: NDArray[np.int64]) -> list[Viewpoint
 def _limit(
     recording: Recording, viewpoints: list[Viewpoint], kind: str, config: SnapshotsConfig
 ) -> NDArray[np.int64]:
-    """Return the indices of the viewpoints to keep, at most as many as configured."""
+    """Return the indices of the viewpoints to keep, at most the configured number."""
     if all(len(v.stamps_ns) > 1 or v.end_ns > v.start_ns for v in viewpoints) and (
         len(viewpoints) <= config.maximum
     ):
         return np.arange(len(viewpoints))
     views = views_at(recording, np.array([v.middle_ns for v in viewpoints], dtype=np.int64))
     if kind == "keyframes":
-        views[:, 3] = 0.0  # what moves nods on its way; another place is soon seen anyhow
+        # A moving robot nods, so the elevation of its camera does not count.
+        views[:, 3] = 0.0
     return choose_by_new_view(views, config.maximum, config)
 
 
 def _decode(
     recording: Recording, viewpoints: list[Viewpoint], config: SnapshotsConfig
 ) -> tuple[list[Snapshot], list[SetAside]]:
-    """Stream the chosen images, one viewpoint's worth in memory at a time."""
+    """Stream the chosen images, with the images of one viewpoint in memory at a time."""
     chosen = [_spread(v.stamps_ns, config.images_per_stop) for v in viewpoints]
     owner = {int(s): i for i, stamps in enumerate(chosen) for s in stamps}
     colours = recording.colour_near(np.array([v.middle_ns for v in viewpoints], dtype=np.int64))
@@ -219,7 +220,7 @@ def _decode(
 
 
 def _spread(stamps: NDArray[np.int64], most: int) -> NDArray[np.int64]:
-    """Return at most ``most`` stamps, evenly spread, the middle one of all among them."""
+    """Return at most ``most`` stamps, evenly spread, with the middle stamp among them."""
     if len(stamps) <= most:
         return stamps
     picked = np.unique(np.round(np.linspace(0, len(stamps) - 1, most)).astype(np.int64))
@@ -228,7 +229,7 @@ def _spread(stamps: NDArray[np.int64], most: int) -> NDArray[np.int64]:
 
 
 def _alike(frames: list[DepthFrame]) -> list[int]:
-    """Return the indices of the largest group with one camera, held the same way."""
+    """Return the indices of the largest group of frames with the same camera and mounting."""
     groups: list[list[int]] = []
     for i, frame in enumerate(frames):
         for group in groups:

@@ -1,4 +1,4 @@
-"""When the base stood still, and which images show something new."""
+"""The intervals in which the base stood still, and the images that show something new."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SECOND_NS = 1_000_000_000
 SAME_PLACE_M, SAME_HEADING = 0.02, np.deg2rad(1.0)
 _Source = Literal["wheels", "localisation", "none"]
 
-_LONGEST_JUMP = 0.5  # metres: a pose that leaps further is lost, not corrected
+_LONGEST_JUMP = 0.5  # metres: after a longer jump the localisation is lost, not corrected
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,9 +30,9 @@ class BaseMotion:
 
 
 def sample_motion(recording: Recording, depth_stamps: NDArray[np.int64]) -> BaseMotion:
-    """Sample the base's motion, by the wheels where they were recorded, else as localised.
+    """Sample the base's motion from the wheels if recorded, else from the localisation.
 
-    The localisation jumps while the base stands; the wheels do not.
+    The localisation may jump while the base stands; the wheels do not.
     """
     start, end = int(depth_stamps[0]), int(depth_stamps[-1])
     margin = 2 * SECOND_NS
@@ -66,7 +66,7 @@ def standing_intervals(
     turn = np.abs(steps[:, 2]) / np.maximum(seconds, 1e-6)
     still = (speed < config.still_speed) & (turn < np.deg2rad(config.still_turn_deg))
     if motion.source == "localisation":
-        # A jump is faster than any indoor robot, short, and over at once: the base did not move.
+        # A jump is faster than any indoor robot, and short: the base itself did not move.
         fastest = np.deg2rad(sensors.localisation_jump_turn_deg_snapshots)
         jump = (speed > sensors.localisation_jump_speed) | (turn > fastest)
         jump &= np.linalg.norm(steps[:, :2], axis=1) < _LONGEST_JUMP
@@ -84,7 +84,7 @@ def standing_intervals(
 
 
 def _merge_creeping(intervals: list[tuple[int, int]], motion: BaseMotion) -> list[tuple[int, int]]:
-    """Join intervals that a twitch parted: less than a second apart, at the same place."""
+    """Join intervals less than a second apart, at the same place: only a twitch separates them."""
     merged: list[tuple[int, int]] = []
     for start, end in intervals:
         if merged and start - merged[-1][1] <= SECOND_NS:
@@ -98,20 +98,20 @@ def _merge_creeping(intervals: list[tuple[int, int]], motion: BaseMotion) -> lis
 
 
 def is_same_place(first: Pose2, second: Pose2) -> bool:
-    """Tell whether the base stood where it had: only its head can have turned."""
+    """Tell whether the base stood at one place for both: then only its head may have turned."""
     return first.is_near(second, metres=SAME_PLACE_M, radians=SAME_HEADING)
 
 
 def far_apart(stamps: NDArray[np.int64]) -> bool:
-    """Tell whether stamps lie so far apart that each is a viewpoint of its own."""
+    """Tell whether stamps are so far apart in time that each is its own viewpoint."""
     return len(stamps) < 2 or float(np.median(np.diff(stamps))) > SECOND_NS
 
 
 def choose_by_new_view(views: Floats, maximum: int, config: SnapshotsConfig) -> NDArray[np.int64]:
     """Return the indices of views (n, 4) that show something new, at most ``maximum``.
 
-    A view is the base's place, the camera's heading and how high it looks. It is kept where it
-    differs from all kept ones by a distance or an angle; both grow until few enough are left.
+    A view is the base's place and the camera's heading and elevation. It is kept if it differs from
+    all kept views by a distance or an angle; both limits grow until few enough views are left.
     """
     if len(views) == 0:
         return np.zeros(0, dtype=np.int64)
