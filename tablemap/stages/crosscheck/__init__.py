@@ -1,4 +1,4 @@
-"""Camera against laser, by what both see of the table."""
+"""Comparison of camera and laser, by the table's edges and legs."""
 
 from tablemap.stages.crosscheck.effect import admitted_legs, corrected
 from tablemap.stages.crosscheck.result import CrossCheck, Estimate

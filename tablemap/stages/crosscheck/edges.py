@@ -1,4 +1,4 @@
-"""The top's edges: each view's edge points against the outline that all views made."""
+"""The top's edges: each view's edge points compared with the outline from all views."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from tablemap.stages.surface import Surface
 
 _FACING = 0.8  # cosine between a point's normal and its side's
 _BEYOND = 0.02  # metres past a side's end
-_REACH = 0.06  # metres off every side: farther off, a point belongs to none
+_REACH = 0.06  # metres: a point farther from every side belongs to none
 _LEAST_POINTS = 20  # edge points that a view must show
-_MOST_POINTS = 150  # edge points of a view: neighbours repeat each other
+_MOST_POINTS = 150  # edge points of a view: further ones add nothing new
 _CORRELATED = 8.0  # neighbouring edge points share pixels and err together: they count as one
 
 
 def edge_rows(views: list[ViewEdges], surface: Surface, registration: Registration) -> Rows | None:
-    """Lay the edge points on the outline and keep those that belong to a side of it.
+    """Compare the edge points with the outline; keep those that belong to one of its sides.
 
-    None where there are too few. The outline keeps its freedom: a straight side may shift and
-    turn, a curved one shift, grow and turn elliptic.
+    Returns None if there are too few. The outline itself has unknowns: a straight side may shift
+    and turn; a curve may shift, grow and become elliptic.
     """
     if not surface.edges:
         return None
@@ -55,7 +55,7 @@ def edge_rows(views: list[ViewEdges], surface: Surface, registration: Registrati
                 normal=normal,
                 distance=distance,
                 variance=view.sigma[kept] ** 2 * max(worth, 1.0),
-                # The stops lie on a stretched lap; the outline follows by its own freedom.
+                # A wrong laser scale stretches the lap; the outline's own unknowns follow.
                 stretch=np.tile(pose.translation - middle, (len(kept), 1)),
                 bias=bias_row("near edges", -near) + bias_row("far edges", near - 1.0),
                 basis=-basis,
@@ -75,9 +75,10 @@ def edge_rows(views: list[ViewEdges], surface: Surface, registration: Registrati
 
 
 def _against(places: Floats, normals: Floats, surface: Surface) -> tuple[Floats, Floats, Floats]:
-    """Return outline normals (n, 2), distances (n,) and the outline's freedom (n, k) at points.
+    """Return the outline's normals (n, 2), distances (n,) and derivatives (n, k) at the points.
 
-    The distance is NaN for what no side within `_REACH` fits.
+    The derivatives are those of the distance by the outline's unknowns. The distance is NaN for a
+    point without a fitting side within `_REACH`.
     """
     pieces = [edge.points for edge in surface.edges]
     starts = np.concatenate([piece[:-1] for piece in pieces])

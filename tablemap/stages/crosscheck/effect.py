@@ -1,4 +1,4 @@
-"""What a found offset changes: the outline is mended by it, the legs' sigmas admit the rest."""
+"""Effect of an offset between camera and laser: it corrects the outline and widens legs' sigmas."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from tablemap.stages.surface import Surface
 
 
 def corrected(outline: Outline, cross: CrossCheck) -> Outline:
-    """Return the outline as the camera sees it from where the laser asks it to be.
+    """Return the outline with the camera moved by the offset that was found.
 
-    The laser has placed the robot: relative to that, the camera is moved.
+    The laser placed the robot, so the camera is moved relative to it.
     """
     if cross.offset is None or cross.at_table is None:
         return outline
     turn = Pose2(0.0, 0.0, float(cross.offset[2]))
-    # Forward, a scale of the laser's counts as what it does at the table.
+    # The forward shift includes the effect of the laser's scale at the table.
     shift = np.array([cross.at_table[0], cross.offset[1]])
     views = []
     for view in outline.views:
@@ -48,11 +48,12 @@ def corrected(outline: Outline, cross: CrossCheck) -> Outline:
 def admitted_legs(
     legs: Legs, cross: CrossCheck, surface: Surface, registration: Registration
 ) -> Legs:
-    """Return the legs with what camera and laser may be apart in their sigmas.
+    """Return the legs with the disagreement of camera and laser added to their sigmas.
 
-    The camera saw the top and the laser the legs: a camera turned in the base turns the top over
-    the legs, and one that is shifted shifts it by what the views' headings do not cancel. An offset
-    that was found has been mended but for its covariance; a smaller one is itself admitted.
+    The camera saw the top, and the laser saw the legs. A camera turned in the base turns the top
+    against the legs; a shifted camera shifts the top, as far as the views' headings do not cancel.
+    If an offset was found and corrected, its covariance is added; otherwise the offset itself is
+    added.
     """
     if cross.offset is None or cross.covariance is None or cross.at_table is None:
         return legs
@@ -83,5 +84,5 @@ def admitted_legs(
 
 
 def _stretch(cross: CrossCheck) -> float:
-    """Return how many assumed sigmas must be added for them to be ``excess`` times as large."""
+    """Return the sigma, in assumed sigmas, that added to them makes ``excess`` times as much."""
     return float(np.sqrt(cross.excess**2 - 1.0))

@@ -10,7 +10,7 @@ from tablemap.geometry import Floats
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """What one kind of evidence says by itself.
+    """The offset from one kind of evidence alone.
 
     - ``at_table``: (2,) metres, forward and leftward of the base
     - ``sigma``: (2,) metres, its standard deviations
@@ -22,24 +22,24 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class CrossCheck:
-    """How far the camera sits beside where the laser and the recorded frames have it.
+    """The offset of the camera from its place by the laser and the recorded frames.
 
-    - ``offset``: (3,) x, y (metres) and yaw of the camera in the base, where the laser is taken as
-      right; an error of the laser itself shows with the opposite sign
+    - ``offset``: (3,) x, y (metres) and yaw of the camera in the base, if the laser is right; an
+      error of the laser itself shows with the opposite sign
     - ``covariance``: (3, 3) of the offset
-    - ``at_table``: (2,) metres, forward and leftward of the base: what all this does at the table
+    - ``at_table``: (2,) metres, forward and leftward of the base, the effect at the table
     - ``at_table_sigma``: (2,) metres, its standard deviations
-    - ``pose_sigma``: metres per axis, what the offset leaves unknown of where the base was, since
+    - ``pose_sigma``: metres per axis, uncertainty of the base's place from the offset, since
       nobody knows which of the two sensors is off
     - ``points``, ``views``: how many edge points of how many views were compared
-    - ``range_scale``, ``range_scale_sigma``: by how much the laser's ranges are too long against
-      the camera's (0.001: a millimetre a metre)
-    - ``by_edges``, ``by_legs``: what each kind of evidence says by itself, None without enough
-    - ``excess``: at least 1, how many times what was found exceeds the assumed spread of mounting
-      and scale: that assumption is too good by as much
+    - ``range_scale``, ``range_scale_sigma``: how much too long the laser's ranges are against the
+      camera's, a share (0.001: a millimetre a metre)
+    - ``by_edges``, ``by_legs``: the offset from each kind of evidence alone, None without enough
+    - ``excess``: at least 1, the ratio of the errors found to the assumed sigmas of mounting and
+      scale
     - ``sightings``: how many sightings of legs were compared
 
-    What the views cannot tell is None.
+    A value that the views cannot determine is None.
     """
 
     offset: Floats | None
@@ -59,5 +59,5 @@ class CrossCheck:
 
     @property
     def is_found(self) -> bool:
-        """Whether camera and laser disagree, beyond doubt and by more than may pass."""
+        """Whether camera and laser disagree clearly, by more than the limit."""
         return bool(self.warnings)

@@ -1,4 +1,4 @@
-"""Comparisons of what the camera sees with where the laser has it, as rows of one problem."""
+"""Comparisons of camera and laser, as rows of one least-squares problem."""
 
 from __future__ import annotations
 
@@ -13,15 +13,20 @@ from tablemap.geometry import Floats
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Distances along normals, n of them, in the map as the laser places the base.
+    """n distances along normals, in the map, with the base placed by the laser.
 
-    ``arm`` (n, 2) leads from the base to what was seen, ``ray`` (n, 2) from the camera, both in
-    the map's axes. ``distance`` (n,) is along ``normal`` (n, 2) from where it should be to where
-    the camera sees it, with ``variance`` (n,). ``stretch`` (n, 2) is how far a laser scale of one
-    moves the seen against the expected. ``bias`` (n, 5) are the slopes in the errors that rows
-    share (see `BIASES`), ``basis`` (n, k) those in the freedom of what is compared with.
-    ``yaw`` and ``view`` (n,) are the base's heading and the snapshot. ``is_leg`` (n,) is 1 for
-    legs and 0 for edges of the top.
+    - ``arm``, ``ray``: (n, 2) metres in the map's axes, from the base and from the camera to the
+      seen point
+    - ``normal``: (n, 2) unit vectors
+    - ``distance``: (n,) metres along the normal, from the expected place to the place seen by the
+      camera
+    - ``variance``: (n,) square metres, of the distance
+    - ``stretch``: (n, 2) metres, shift of the seen against the expected place by a laser scale of 1
+    - ``bias``: (n, 5) derivatives by the errors that rows share, see `BIASES`
+    - ``basis``: (n, k) derivatives by the unknowns of the outline or the legs
+    - ``yaw``: (n,) radians, the base's heading
+    - ``view``: (n,), the snapshot
+    - ``is_leg``: (n,), 1 for legs and 0 for edges of the top
     """
 
     arm: Floats
@@ -48,14 +53,14 @@ BIASES = ("near edges", "far edges", "width of silhouettes", "their middle", "de
 
 
 def bias_row(name: str, slope: Floats) -> Floats:
-    """Return (n, 5) slopes, all but the named one zero."""
+    """Return derivatives (n, 5) that are zero but for the named bias."""
     columns = np.zeros((len(slope), len(BIASES)))
     columns[:, BIASES.index(name)] = slope
     return columns
 
 
 def stacked(parts: list[Rows]) -> Rows:
-    """Join rows of one freedom: their columns are the same unknowns."""
+    """Join rows with the same unknowns: the columns of their ``basis`` stay."""
     return Rows(
         **{
             field.name: np.concatenate([getattr(part, field.name) for part in parts])
@@ -65,7 +70,7 @@ def stacked(parts: list[Rows]) -> Rows:
 
 
 def together(parts: list[Rows]) -> Rows:
-    """Join rows whose freedoms are not shared: each keeps columns of its own."""
+    """Join rows with different unknowns: each part gets its own columns of ``basis``."""
     bases = block_diag(*[part.basis for part in parts])
     heights = np.cumsum([len(part) for part in parts])[:-1]
     return stacked(

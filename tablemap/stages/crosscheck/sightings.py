@@ -1,4 +1,4 @@
-"""The table's legs: where the depth camera sees them against where the laser has them."""
+"""The table's legs: their places seen by the depth camera against those from the laser."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from tablemap.stages.legs.primitives import has_yaw, support, surface_distance
 from tablemap.stages.registration import Registration
 from tablemap.stages.snapshots import Snapshot
 
-_LOW, _UNDER_TOP = 0.05, 0.07  # metres above the floor and under the top that are looked at
-_ASIDE = 0.05  # metres beside a leg that are looked at, to find its silhouette
-_BEFORE, _BEHIND = 0.05, 0.05  # metres before and behind a leg's face that still are the leg
-_LARGEST = 0.2  # metres across: what is wider has no silhouette that fits a view
+_LOW, _UNDER_TOP = 0.05, 0.07  # metres above the floor and under the top: the seen part of a leg
+_ASIDE = 0.05  # metres beside a leg: its silhouette is searched there
+_BEFORE, _BEHIND = 0.05, 0.05  # metres before and behind a leg's face that belong to the leg
+_LARGEST = 0.2  # metres across: the silhouette of a wider leg does not fit a view
 _LEAST_ROWS = 8  # image rows that must show both borders of a leg
-_STEEPEST = 0.3  # cosine of the look down on a leg under which columns smear
+_STEEPEST = 0.3  # cosine of the look down on a leg: below it the columns smear
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +43,8 @@ def leg_rows(
 ) -> tuple[Rows | None, int]:
     """Compare every leg that the laser placed with its silhouette and face in each depth image.
 
-    A leg may be off its stated place by ``position_sigma``, alike for all of its views. Returns the
-    rows, None without any, and how many sightings they come from.
+    A leg's place may err by ``position_sigma``, the same for all its views. Returns the rows (None
+    if there are none) and the number of sightings.
     """
     parts = []
     sightings = 0
@@ -90,7 +90,7 @@ def _rows(
 
 
 def _sighted(snapshot: Snapshot, pose: Pose2, leg: Leg, height: float) -> _LegSighting | None:
-    """Find the leg in one depth image; None where it is not whole or does not stand upright."""
+    """Find the leg in one depth image; None if it is not whole or not upright."""
     camera = snapshot.camera
     eye = snapshot.base_from_camera[:2, 3]
     centre = pose.inverse().apply(np.array([leg.x, leg.y]))
@@ -125,7 +125,7 @@ def _sighted(snapshot: Snapshot, pose: Pose2, leg: Leg, height: float) -> _LegSi
         if len(angles) < _LEAST_ROWS:
             return None
         middle, spread, lean = _upright(angles, levels)
-        # A leg that leans is not where the laser cuts it.
+        # A leaning leg stands elsewhere than at the height of the laser.
         if lean * away > max(pixel, 0.003) + 3.0 * spread * away / np.sqrt(len(angles)):
             return None
         ray = np.cos(middle) * sight + np.sin(middle) * left
@@ -143,7 +143,7 @@ def _sighted(snapshot: Snapshot, pose: Pose2, leg: Leg, height: float) -> _LegSi
         distances.append(
             float(normal @ (touch - centre)) - float(support(kind, values, normal[None])[0][0])
         )
-        # Rows go together: their number says little. A third of a pixel stays.
+        # Errors of the rows are correlated: their number hardly helps. A third of a pixel stays.
         variances.append((pixel / 3.0) ** 2 + (away * spread) ** 2 / _LEAST_ROWS)
         biases.append(
             bias_row("width of silhouettes", np.array([-pixel]))
@@ -169,7 +169,7 @@ def _sighted(snapshot: Snapshot, pose: Pose2, leg: Leg, height: float) -> _LegSi
 def _window(
     snapshot: Snapshot, centre: Floats, left: Floats, half: float, levels: tuple[float, float]
 ) -> tuple[slice, slice] | None:
-    """Return the rows and columns of the image that hold an upright strip; None if it is cut."""
+    """Return the rows and columns of the image with an upright strip; None if the image cuts it."""
     corners = np.array([[*(centre + s * half * left), z] for s in (-1.0, 1.0) for z in levels])
     seen = transform(invert(snapshot.base_from_camera), corners)
     if seen[:, 2].min() < 0.3:
@@ -189,8 +189,8 @@ def _silhouettes(
 ) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
     """Return the bearings and heights of the left and of the right border, row by row.
 
-    A border counts where what is beside it lies farther or gave no depth; a row only where what is
-    between its borders is whole.
+    A border counts if the pixel beside it lies farther away or has no depth. A row counts if there
+    is no gap between its borders.
     """
     columns = on.shape[1]
     first = on.argmax(axis=1)
@@ -207,12 +207,12 @@ def _silhouettes(
         ends = end[silhouette]
         angle = 0.5 * (bearing[kept, ends] + bearing[kept, ends + step])
         found.append((angle, level[kept, ends]))
-    # Columns run to the right: the first is the left border, at the larger bearing.
+    # Columns run to the right: the first one is the left border, with the larger bearing.
     return found[0], found[1]
 
 
 def _upright(angles: Floats, levels: Floats) -> tuple[float, float, float]:
-    """Return the median, the robust spread, and what a line through them leans over the rows."""
+    """Return the median, the robust spread, and the lean of a line through them over the rows."""
     middle = float(np.median(angles))
     spread = mad_sigma(angles - middle)
     half = np.median(levels)
@@ -223,7 +223,7 @@ def _upright(angles: Floats, levels: Floats) -> tuple[float, float, float]:
 
 
 def _values(leg: Leg, centre: Floats, pose: Pose2) -> Floats:
-    """Return the leg's parameters in the base, as the fit of primitives has them."""
+    """Return the leg's parameters in the base, in the order of the fit of primitives."""
     sizes = [figure.value for figure in leg.dimensions.values()]
     yaw = [leg.yaw - pose.yaw] if has_yaw(shape_named(leg.shape)) else []
     return np.array([*centre, *sizes, *yaw])
@@ -234,7 +234,7 @@ def _face(
 ) -> tuple[float, Floats, float, Floats] | None:
     """Return the face's median distance, mean normal (2,), robust spread and middle (2,)."""
     inner = on.copy()
-    # Border pixels mix the leg with what is behind it.
+    # Border pixels mix the leg with its background.
     inner[:, 1:] &= on[:, :-1]
     inner[:, :-1] &= on[:, 1:]
     here, towards = points[inner], rays[inner]

@@ -1,4 +1,4 @@
-"""The camera's offset and the laser's scale from all comparisons together."""
+"""The camera's offset and the laser's scale, solved from all comparisons."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from tablemap.robust import geman_mcclure, reduced_chi_square
 from tablemap.stages.crosscheck.rows import Rows
 
 ASKED = 4
-"""Forward, left, yaw of the camera in the base, and the laser's scale: the first unknowns."""
+"""The first unknowns: forward, left and yaw of the camera in the base, and the laser's scale."""
 
 _SETTLES = 12
-# The asked offset is nearly free within what a wrong TF does: the data decide.
+# The prior of the offset is as loose as errors of TF are large: the data decide.
 _OFFSET_SIGMA = 0.02  # metres
 _YAW_SIGMA = 0.01  # radians
-_KERNEL = 9.0  # squared sigmas at which a row has a quarter of its weight
+_KERNEL = 9.0  # squared sigmas: such a residual has a quarter of its weight
 _FREEDOM = 0.05  # metres: the outline is nearly free
 
 
@@ -36,7 +36,7 @@ class MountingSolution:
 
 
 def prior_sigmas(sensors: SensorsConfig) -> Floats:
-    """Return (4,) standard deviations of the asked unknowns that are let in."""
+    """Return the prior standard deviations (4,) of the first unknowns."""
     return np.array(
         [_OFFSET_SIGMA, _OFFSET_SIGMA, _YAW_SIGMA, sensors.laser_range_scale_sigma_wide]
     )
@@ -48,15 +48,15 @@ def solve(
     far_bias_sigma: float,
     sensors: SensorsConfig,
 ) -> MountingSolution:
-    """Robust least squares over offset, scales, shared biases, freedoms and poses.
+    """Solve offset, scales, shared biases, outline, legs and poses by robust least squares.
 
-    ``pose_covariance`` (3n, 3n) is the registration's; ``far_bias_sigma`` (metres) what far edges
-    may share.
+    ``pose_covariance`` (3n, 3n) is the registration's; ``far_bias_sigma`` (metres) is the prior of
+    the bias that far edges share.
     """
     present = np.unique(rows.view).astype(np.int64)
     design = _design(rows, present)
     is_leg = rows.is_leg > 0
-    # Legs' freedoms come in their sigmas, the outline's in metres and radians.
+    # The unknowns of legs are in sigmas, those of the outline in metres and radians.
     freedom = np.where(np.abs(rows.basis[is_leg]).sum(axis=0) > 0, 1.0, _FREEDOM)
     sigma = np.concatenate(
         [
@@ -96,7 +96,7 @@ def solve(
 
 
 def _design(rows: Rows, present: np.ndarray) -> Floats:
-    """Return (n, ...) slopes: what is asked, depth scale, biases, freedoms, poses by view."""
+    """Return derivatives (n, ...) by the first unknowns, depth scale, biases, basis and poses."""
     forward = np.column_stack([np.cos(rows.yaw), np.sin(rows.yaw)])
     left = np.column_stack([-forward[:, 1], forward[:, 0]])
     normal = rows.normal

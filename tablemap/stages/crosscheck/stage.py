@@ -1,9 +1,8 @@
-"""Camera against laser: what both see shows how far the one sits beside the other.
+"""Comparison of camera and laser: it shows an error of their relative mounting.
 
-The laser places the robot, the camera sees the table. Where the camera is mounted beside where the
-recorded frames have it (or the laser is), an edge of the top seen from one side and from the other
-comes to lie in two places, and the legs stand elsewhere for the camera than for the laser. No
-residual of the registration shows that.
+The laser places the robot, and the camera sees the table. If the recorded frames have the camera
+(or the laser) in a wrong place, an edge of the top seen from two sides lies in two places, and the
+camera sees the legs elsewhere than the laser. No residual of the registration shows this.
 """
 
 from __future__ import annotations
@@ -26,19 +25,19 @@ from tablemap.stages.registration import Registration
 from tablemap.stages.snapshots import Snapshot, turned_left
 from tablemap.stages.surface import Surface
 
-_LEAST_SIGHTINGS = 4  # legs seen, counted over all views: fewer say nothing
-_LARGEST_SIGMA = 0.004  # metres at the table: an estimate less certain is none
+_LEAST_SIGHTINGS = 4  # fewest sightings of legs, over all views
+_LARGEST_SIGMA = 0.004  # metres at the table: a less certain estimate does not count
 
 
 @dataclass(frozen=True)
 class _Arms:
-    """Metres from the camera ahead to the table, and from the base to it: the views' medians."""
+    """Distances ahead from camera and from base to the table, metres, medians of the views."""
 
     ahead: float
     reach: float
 
     def at_table(self, solution: MountingSolution) -> tuple[Floats, Floats]:
-        """Return what an offset does at the table, forward and leftward, and its sigmas."""
+        """Return the effect of an offset at the table, forward and leftward, and its sigmas."""
         effect = np.array([[1.0, 0.0, 0.0, -self.reach], [0.0, 1.0, self.ahead, 0.0]])
         sigma = np.sqrt(np.diag(effect @ solution.covariance @ effect.T))
         return effect @ solution.asked, sigma
@@ -56,8 +55,8 @@ def cross_check(
 ) -> CrossCheck:
     """Estimate the camera's offset against the laser from edges and legs in all views.
 
-    Without laser poses or enough views around the table there is no result, and no warning; nor
-    where the head turns, for then the offset is not one and the same in the base.
+    Without laser poses or enough views around the table there is no result and no warning. A head
+    that turns gives none either, as the offset is then not constant in the base.
     """
     if registration.source != "laser" or _has_turned(snapshots):
         return _nothing(0, 0, 0)
@@ -72,7 +71,7 @@ def cross_check(
     if not parts:
         return _nothing(0, len(views), sightings)
     rows = together(parts)
-    # Where the rim is dull, far edges end early: that looks like a camera too far back.
+    # At a dull rim far edges end early: this looks like a camera too far back.
     set_back = sensors.rim_set_back if outline.is_dull else 0.0
     far = float(np.hypot(sensors.edge_bias_sigma, set_back))
 
@@ -86,7 +85,7 @@ def cross_check(
         for part in (edges, sighted)
     )
     at_table, sigma = arms.at_table(solution)
-    # Two kinds of evidence that disagree are less certain than each says by itself.
+    # If the two kinds of evidence disagree, both are less certain than their sigmas.
     sigma = sigma * _disagreement(by_edges, by_legs)
     points = 0 if edges is None else len(edges)
     count = len(np.unique(rows.view))
@@ -103,7 +102,7 @@ def cross_check(
         covariance=solution.covariance[:3, :3],
         at_table=at_table,
         at_table_sigma=sigma,
-        # Which of the two is off is not known: a half is the laser's, give or take a half.
+        # It is unknown which sensor is off: half of the offset is the laser's, plus or minus half.
         pose_sigma=0.5 * size if found else 0.0,
         points=points,
         views=count,
@@ -135,7 +134,7 @@ def _arms(rows: Rows) -> _Arms:
 
 
 def _disagreement(first: Estimate | None, second: Estimate | None) -> float:
-    """Return how many times further two estimates lie apart than their sigmas say (at least 1)."""
+    """Return the difference of two estimates over its expected size, at least 1."""
     if first is None or second is None:
         return 1.0
     apart = (first.at_table - second.at_table) ** 2 / (first.sigma**2 + second.sigma**2)
@@ -143,13 +142,13 @@ def _disagreement(first: Estimate | None, second: Estimate | None) -> float:
 
 
 def _excess(solution: MountingSolution, sensors: SensorsConfig) -> float:
-    """Return how many times larger than assumed mounting and scale errors are (Birge's ratio)."""
+    """Return the ratio of mounting and scale errors to their assumed sigmas (Birge's ratio)."""
     assumed = np.array([sensors.laser_mounting_sigma] * 2 + [sensors.laser_mounting_yaw_sigma, 0.0])
     assumed[3] = sensors.laser_range_scale_sigma_wide
     let_in = np.diag(prior_sigmas(sensors) ** -2.0)
     likelihood = np.linalg.inv(solution.covariance) - let_in
     values, vectors = np.linalg.eigh((likelihood + likelihood.T) / 2)
-    # What the evidence alone says, without the loose prior: its information and its mean.
+    # Information and mean of the evidence alone, without the loose prior.
     seen = vectors @ np.diag(np.maximum(values, 1e-12)) @ vectors.T
     mean = np.linalg.solve(seen, np.linalg.solve(solution.covariance, solution.asked))
     spread = np.linalg.inv(seen) + np.diag(assumed**2)
