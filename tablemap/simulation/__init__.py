@@ -1,4 +1,4 @@
-"""Worlds and sensors, simulated: recordings whose truth is known."""
+"""Simulated worlds and sensors: recordings whose truth is known."""
 
 from tablemap.simulation.recorder import write
 from tablemap.simulation.scenario import (

@@ -1,4 +1,4 @@
-"""How base and head truly stand, beside what the robot publishes: leaning, and turned a little."""
+"""Errors of the published attitude: the base leans, and the head is turned a little further."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tablemap.simulation.seeds import Generators, clipped_normal
 
 @dataclass(frozen=True, eq=False)
 class Attitude:
-    """What the robot does not know of its attitude; between stops and rests it changes softly.
+    """The unpublished part of the robot's attitude; between stops and rests it changes smoothly.
 
     lean: (stops, 2) roll and pitch of the base about its own axes, radians
     encoders: (rests, 2) pan and tilt by which the head is turned further than published, radians
@@ -34,9 +34,9 @@ class Attitude:
         return self._at(seconds, self.drive.rests, self.encoders)
 
     def leaning(self, base: Floats, second: float) -> Floats | None:
-        """Return the (4, 4) motion of the map that leans what stands at a base pose (3,).
+        """Return the motion (4, 4) in the map that leans everything on a base at a pose (3,).
 
-        None where the base stands upright.
+        None if the base stands upright.
         """
         roll, pitch = self.leans(np.array([second]))[0]
         if not (roll or pitch):
@@ -61,7 +61,7 @@ class Attitude:
 
 
 def draw_attitude(scenario: Scenario, drive: Drive, generator: Generators) -> Attitude:
-    """Draw how the base leans at each stop and how the encoders err at each rest of the head."""
+    """Draw the lean of the base at each stop and the encoders' errors at each rest of the head."""
     lean = clipped_normal(generator("lean"), (len(drive.stops), 2))
     encoders = clipped_normal(generator("encoders"), (len(drive.rests), 2))
     head = scenario.head

@@ -1,8 +1,9 @@
 """Depth that bends: a multiplier that is smooth over the image and grows with the distance.
 
-Structured-light cameras' depth is off by such a field, 1 to 2 % in the corners at 2 m: Teichman,
-Miller and Thrun (2013), "Unsupervised Intrinsic Calibration of Depth Sensors via SLAM" (CLAMS).
-The families here are made unlike each other on purpose, so that no one set of polynomials fits all.
+The depth of structured-light cameras errs by such a field, 1 to 2 % in the corners at 2 m:
+Teichman, Miller and Thrun (2013), "Unsupervised Intrinsic Calibration of Depth Sensors via SLAM"
+(CLAMS). The families here differ from each other on purpose, so that no one set of polynomials fits
+all.
 """
 
 from __future__ import annotations
@@ -19,15 +20,15 @@ REFERENCE = 2.0
 
 FAMILIES = ("radial", "waves", "patches")
 
-_FARTHEST = 5.0  # metres: where the growth with the distance ends
-_LIKENESS = 0.9  # how much the growth looks like the field itself
+_FARTHEST = 5.0  # metres: the growth with the distance ends here
+_LIKENESS = 0.9  # correlation of the growth with the field itself
 _SPREAD = 2 / 3, 4 / 3
 _TABLE = (7, 9)  # rows and columns of the field in the truth file
 
 
 @dataclass(frozen=True, eq=False)
 class Bend:
-    """What multiplies depth z: 1 + ``offset`` + ``growth`` (z - 2 m), z no more than 5 m.
+    """The factor on depth z: 1 + ``offset`` + ``growth`` (z - 2 m), with z limited to 5 m.
 
     family: how the field was made
     offset: (height, width), the multiplier's departure from 1 at 2 m, its mean 0

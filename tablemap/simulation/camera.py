@@ -23,14 +23,17 @@ _OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 @dataclass(frozen=True)
 class CameraErrors:
-    """What the seed drew for a recording.
+    """The camera's errors that the seed drew for a recording.
 
-    Depth comes out multiplied by ``depth_scale``. The true camera is the recorded one, shifted by
-    ``x``, ``y``, ``z`` and turned about the base's axes by ``roll``, ``pitch`` and ``yaw``; its
-    true focal length is the recorded one times ``focal_scale``. ``bend`` multiplies depth pixel by
-    pixel, and ``warming`` is the share by which the scale drifts from the drive's start to its end,
-    none in its middle. ``corners`` are how much nearer the image's outermost corners read: upper
-    left, upper right, lower left, lower right.
+    - ``depth_scale``: factor on the depth
+    - ``x``, ``y``, ``z``: metres, shift of the true camera against the recorded one
+    - ``roll``, ``pitch``, ``yaw``: radians, turn of the true camera about the base's axes
+    - ``focal_scale``: the true focal length over the recorded one
+    - ``bend``: factor on the depth, pixel by pixel
+    - ``warming``: drift of the depth scale from the drive's start to its end, a share; it is zero
+      in the middle of the drive
+    - ``corners``: metres by which the outermost corners of the image read nearer: upper left, upper
+      right, lower left, lower right
     """
 
     depth_scale: float
@@ -51,7 +54,8 @@ class CameraErrors:
     ) -> CameraErrors:
         """Draw the errors of one recording; none is more than 2.5 sigma.
 
-        ``generator`` gives what came to the simulator later its own random numbers, by purpose.
+        ``generator`` gives newer errors their own random numbers, so that older draws stay as they
+        were.
         """
         unit = np.clip(rng.normal(size=7), -2.5, 2.5)
         return CameraErrors(
@@ -100,16 +104,16 @@ class DepthCamera(Lens):
         self._bounced: tuple[View, Floats] | None = None
 
     def view(self, scene: Scene, glass: Scene | None, map_from_camera: Floats) -> View:
-        """Return what there is to see from a pose of the optical frame."""
+        """Return the noise-free view from a pose of the optical frame."""
         return see(self, scene, glass, map_from_camera)
 
     def depth(
         self, view: View, rng: np.random.Generator, *, progress: float = 0.5
     ) -> NDArray[np.uint16] | NDArray[np.float32]:
-        """Return one (height, width) image: whole millimetres, 0 where nothing was measured.
+        """Return one image (height, width) in the camera's encoding.
 
-        Or, encoded as 32FC1, metres and NaN. ``progress`` is the part of the drive that is done: a
-        camera that warms up drifts.
+        16UC1 has whole millimetres, and 0 where nothing was measured; 32FC1 has metres and NaN.
+        ``progress`` is the finished part of the drive: a camera that warms up drifts.
         """
         depth, missing = self._read(view, rng)
         if self.errors.bend:
@@ -136,7 +140,7 @@ class DepthCamera(Lens):
 
     @cached_property
     def _nearer_corners(self) -> Floats:
-        """How much nearer (height x width,) the corners' outermost pixels read, metres."""
+        """Return (height x width,) metres by which pixels near the corners read nearer."""
         reach = self.settings.corner_px * self.width / 640
         across, down = (
             (self.width - 1) * np.array([0, 1, 0, 1]),

@@ -1,4 +1,4 @@
-"""What stands on the table."""
+"""Clutter: things that stand on the table."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from tablemap.simulation.shapes import Top
 
 _TRIES, _PLACES = 150, 150
 _CROWD_SCALES = 1.1, 0.5
-_LOW = np.array([1.0, 1.0, 0.6])  # what fills a table is lower than what stands on it alone
+_LOW = np.array([1.0, 1.0, 0.6])  # things that fill a table are lower than single things on it
 _RIM_GAP = 0.003, 0.02  # metres
 _INWARDS = np.arange(6) * 0.01
 _PHASES = np.arange(24) * 2 * np.pi / 24
 _CIRCLE = np.column_stack([np.cos(_PHASES), np.sin(_PHASES)]) / np.cos(np.pi / 24)
-"""A polygon round the unit circle: what is round stays inside of its footprint."""
+"""A polygon round the unit circle: round things stay inside of their footprint."""
 
 
 def draw_clutter(
     clutter: Clutter, top: Top, rng: np.random.Generator, crowd: np.random.Generator
 ) -> list[MeshPart]:
-    """Draw what stands on the top, in the table's frame: nothing touches anything else.
+    """Draw the things on the top, in the table's frame; no two of them touch.
 
-    What stands at the rim and what is added until enough is covered is drawn from ``crowd``.
+    ``crowd`` gives the random numbers for things at the rim and for things that fill the top.
     """
     parts: list[MeshPart] = []
     taken: list[shapely.Polygon] = []
@@ -87,7 +87,7 @@ def _at_the_rim(
     scale: float,
     rng: np.random.Generator,
 ) -> list[MeshPart]:
-    """Draw things that stand all round, a centimetre or so inside of the rim."""
+    """Draw things all round the top, about a centimetre inside of the rim."""
     parts: list[MeshPart] = []
     ring = shapely.LinearRing(top.outline)
     start = float(rng.uniform(0, ring.length))
@@ -108,7 +108,7 @@ def _crowd(
     taken: list[shapely.Polygon],
     rng: np.random.Generator,
 ) -> list[MeshPart]:
-    """Draw more things, ever smaller ones, until what stands there covers enough of the top."""
+    """Draw more and smaller things until they cover enough of the top."""
     parts: list[MeshPart] = []
     low, high = top.outline.min(axis=0), top.outline.max(axis=0)
     for scale in np.linspace(*_CROWD_SCALES, _TRIES) if clutter.cover else ():
@@ -128,9 +128,9 @@ def _crowd(
 def _stood(
     thing: _Thing, places: Floats, yaws: Floats, top: Top, taken: list[shapely.Polygon]
 ) -> list[MeshPart]:
-    """Return a thing at the first of the places that is free, and take it; else nothing.
+    """Put a thing at the first free place and return it; nothing if no place is free.
 
-    Free is where it touches nothing else and does not reach over the rim.
+    At a free place it touches nothing else and does not reach over the rim.
     """
     c, s = np.cos(yaws), np.sin(yaws)
     turns = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
@@ -147,7 +147,7 @@ def _stood(
 
 @dataclass(frozen=True, eq=False)
 class _Thing:
-    """Something round the origin; ``radius`` is the room it needs however it is turned.
+    """Something round the origin; ``radius`` is the room it needs in any orientation.
 
     footprint: (n, 2), its outline on the top
     """

@@ -1,4 +1,4 @@
-"""How the robot drives: where it truly is at any time, and where it believes to be."""
+"""The robot's drive: its true pose at any time, and the pose that it publishes."""
 
 from __future__ import annotations
 
@@ -21,12 +21,15 @@ _EASE = 1.5  # the peak of the eased speed over its mean
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """The true drive. ``stops`` (k, 2) are each stop's first and last second.
+    """The true drive.
 
-    ``distances`` (k,) is where on the path they are and ``headings`` (k,) how far the robot looks
-    past its aim there, in radians. ``rests`` (m, 2) are the seconds in which the head rests, one or
-    several a stop, ``pans`` (m,) how far it is turned to the left then, about the base's vertical
-    axis, and ``tilts`` (m,) how far down the camera looks.
+    - ``stops``: (k, 2), first and last second of each stop
+    - ``distances``: (k,) metres along the path, of the stops
+    - ``headings``: (k,) radians by which the robot looks past its aim at the stops
+    - ``rests``: (m, 2), first and last second of each rest of the head, one or several a stop
+    - ``pans``: (m,) radians by which the head is turned to the left then, about the base's vertical
+      axis
+    - ``tilts``: (m,) radians by which the camera looks down then
     """
 
     world: World
@@ -60,15 +63,15 @@ class Drive:
         return np.column_stack([places, self._facing(places) + past])
 
     def tilt(self, seconds: Floats) -> Floats:
-        """Return how far down the camera looks, radians."""
+        """Return the angle by which the camera looks down, radians."""
         return eased(seconds, self.rests, self.tilts)
 
     def pan(self, seconds: Floats) -> Floats:
-        """Return how far the head is turned to the left, radians."""
+        """Return the angle by which the head is turned to the left, radians."""
         return eased(seconds, self.rests, self.pans)
 
     def _facing(self, places: Floats) -> Floats:
-        """Return the yaw (n,) that faces the table: its middle, and what of it is near."""
+        """Return the yaw (n,) that faces the table: between its middle and its nearest part."""
         middle = self.world.map_from_table.translation
         top = shapely.Polygon(self.world.map_from_table.apply(self.world.top.outline)).convex_hull
         points = shapely.points(places)
@@ -82,7 +85,7 @@ class Drive:
 
 
 def eased(seconds: Floats, spans: Floats, values: Floats) -> Floats:
-    """Interpolate what holds in each of (m, 2) spans of time, starting and ending softly."""
+    """Interpolate values that are constant in spans (m, 2) of time, with smooth transitions."""
     if len(values) == 1:
         return np.full(len(seconds), values[0])
     i = np.clip(np.searchsorted(spans[:, 0], seconds, side="right") - 1, 0, len(values) - 2)
@@ -121,7 +124,7 @@ def draw_drive(robot: Robot, world: World, rng: np.random.Generator) -> Drive:
 
 
 def _looks(robot: Robot) -> Floats:
-    """Return (n, 2): from when to when the head rests in each direction, after a stop began."""
+    """Return (n, 2): start and end of the head's rests, seconds after the stop began."""
     moves = _EASE * np.abs(np.diff(robot.pan_deg)) / robot.pan_speed_deg
     starts = np.concatenate([[0.0], np.cumsum(robot.stop_seconds + moves)])
     return np.column_stack([starts, starts + robot.stop_seconds])
@@ -152,7 +155,7 @@ def _tilt(gaze: Floats, world: World, camera_height: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """What the robot publishes of its pose: ``seconds`` (n,), and at them (n, 3) each."""
+    """The poses that the robot publishes, (n, 3) each, at ``seconds`` (n,)."""
 
     seconds: Floats
     odom_from_base: Floats
@@ -190,7 +193,7 @@ def _localisation_error(
     moved: Floats,
     rng: np.random.Generator,
 ) -> Floats:
-    """Draw (n, 3): one error a stop, changed on the way to the next, and a slow wander."""
+    """Draw errors (n, 3): one a stop, which changes on the way to the next, and a slow wander."""
     spread = np.array([1.0, 1.0, 0.0]) * localisation.sigma
     spread[2] = np.deg2rad(localisation.yaw_sigma_deg)
     jumps = rng.normal(size=(len(drive.stops), 3)) * spread

@@ -1,4 +1,4 @@
-"""What stands by the table and along the walls."""
+"""Furniture at the table and along the walls."""
 
 from __future__ import annotations
 

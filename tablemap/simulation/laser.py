@@ -1,6 +1,6 @@
 """The laser scanner at ankle height, and its errors.
 
-That ranges err with the colour of what they meet, and otherwise by millimetres, is measured by
+Errors of ranges by the colour of the surface, and other errors of millimetres, were measured by
 Kneip, Tache, Caprari and Siegwart (2009), "Characterization of the compact Hokuyo URG-04LX 2D
 laser range finder".
 """
@@ -37,11 +37,12 @@ _SPOT = 0.06  # echoes closer together than this in range (metres) are one
 
 @dataclass(frozen=True)
 class LaserErrors:
-    """What the seed drew: range r comes out as scale r + bias + slope min(r, 3 m).
+    """The laser's errors that the seed drew: range r reads as scale r + bias + slope min(r, 3 m).
 
     The true scanner is the published one, shifted by ``x``, ``y`` and turned by ``yaw``. Black
-    reads further than white by ``dark`` metres. ``bend`` (3, 2) are the cosine's and the sine's
-    part, in metres, of what is added at a beam's angle, at its double and at its triple.
+    surfaces read further than white ones by ``dark`` metres. ``bend`` (3, 2), metres, are the
+    factors of cosine and sine of a beam's angle, of its double and of its triple; their sum is
+    added to the range.
     """
 
     scale: float
@@ -57,7 +58,8 @@ class LaserErrors:
     def drawn(laser: Laser, rng: np.random.Generator, generator: Generators) -> LaserErrors:
         """Draw the errors of one recording; none is more than 2.5 sigma.
 
-        ``generator`` gives what came to the simulator later its own random numbers, by purpose.
+        ``generator`` gives newer errors their own random numbers, so that older draws stay as they
+        were.
         """
         unit = np.clip(rng.normal(size=6), -2.5, 2.5)
         return LaserErrors(
@@ -77,7 +79,7 @@ class LaserErrors:
         )
 
     def bent(self, angles: Floats) -> Floats:
-        """Return what is added to ranges at angles (n,)."""
+        """Return metres (n,) that are added to ranges at angles (n,)."""
         turns = np.multiply.outer(angles, np.arange(1, len(self.bend) + 1))
         parts = np.array(self.bend).reshape(-1, 2)
         return np.asarray(np.cos(turns) @ parts[:, 0] + np.sin(turns) @ parts[:, 1])
@@ -97,7 +99,7 @@ def scan(
     """Return the (n, beams) ranges of scans that start at (n,) times; the base moves meanwhile."""
     subbeams = _SUBBEAMS if laser.beam_deg else 1
     times = (seconds[:, None] + np.arange(BEAMS) * TIME_INCREMENT).ravel()
-    # Within a scan the base moves by millimetres: its first and last pose say the rest.
+    # Within a scan the base moves by millimetres: interpolate between its first and last pose.
     first, last = drive.base(seconds), drive.base(seconds + BEAMS * TIME_INCREMENT)
     turn = wrap_angles(last[:, 2] - first[:, 2])
     step = np.column_stack([last[:, :2] - first[:, :2], turn])
@@ -139,7 +141,7 @@ def scan(
         noisy += errors.bent(angles)
     noisy += laser.noise_sigma * rng.standard_normal(len(noisy))
     lost = rng.random(len(noisy)) < laser.dropout
-    # The scanner reports whole millimetres; without noise that would be an error of its own.
+    # The scanner reports whole millimetres; without noise this rounding would add an error.
     rounded = np.round(noisy, 3) if laser.noise_sigma else noisy
     rounded = np.where(lost | ~(rounded < RANGE_MAX) | (rounded < RANGE_MIN), np.inf, rounded)
     return rounded.astype(np.float32).reshape(len(seconds), BEAMS)
@@ -167,7 +169,7 @@ def _to_circle(origins: Floats, rays: Floats, middles: Floats, diameter: float) 
 
 
 def _echo(ranges: Floats, rng: np.random.Generator) -> Floats:
-    """Merge the parts of each beam (n, k): near echoes win, thin ones mix with what is behind."""
+    """Merge the parts of each beam (n, k): near echoes win, thin ones mix with the background."""
     nearest = ranges.min(axis=1)
     near = ranges < (nearest + _SPOT)[:, None]
     near[~np.isfinite(nearest)] = True

@@ -1,4 +1,4 @@
-"""A camera's lens: where its pixels look."""
+"""A camera's lens: the directions of its pixels."""
 
 from __future__ import annotations
 

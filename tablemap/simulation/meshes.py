@@ -26,11 +26,12 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class MeshPart:
-    """A mesh and what it is made of.
+    """A mesh and its material.
 
-    ``reflectance`` (0 to 1) and ``gloss`` decide whether depth is measured at all, ``texture`` (0
-    to 1) whether stereo can match it; ``glass`` lets the laser pass and gives the depth camera
-    little. ``colour`` is for the picture.
+    - ``reflectance``, ``gloss``: 0 to 1, they decide whether depth is measured at all
+    - ``texture``: 0 to 1, decides whether stereo can match it
+    - ``glass``: lets the laser pass, and gives the depth camera little
+    - ``colour``: for the picture
     """
 
     mesh: Mesh
@@ -41,7 +42,7 @@ class MeshPart:
     texture: float = 0.9
 
     def of(self, mesh: Mesh) -> MeshPart:
-        """Return another mesh made of the same."""
+        """Return another mesh of the same material."""
         return replace(self, mesh=mesh)
 
 
@@ -99,7 +100,7 @@ def plate(outline: Floats, bottom: float, top: float, *, edge: str, edge_size: f
 def refined(mesh: Mesh, size: float) -> Mesh:
     """Split edges until none is longer than ``size``, without gaps between neighbours.
 
-    An edge is split by its length alone, so both triangles at it split it, at the same place.
+    Only an edge's length decides about its split, so both triangles split it at the same place.
     """
     vertices, triangles = mesh.vertices, mesh.triangles.astype(np.int64)
     while True:
@@ -118,7 +119,7 @@ def refined(mesh: Mesh, size: float) -> Mesh:
 def _halves(
     triangles: NDArray[np.int64], middles: NDArray[np.int64]
 ) -> Iterator[NDArray[np.int64]]:
-    """Yield what triangles become whose edges (first to second corner first) have ``middles``."""
+    """Yield the parts of triangles whose edges (first to second corner first) have ``middles``."""
     count = (middles >= 0).sum(axis=1)
     yield triangles[count == 0]
     for number in (1, 2, 3):

@@ -1,4 +1,4 @@
-"""What the robot logs on its drive, in the order in which it is logged."""
+"""The robot's log of its drive, in time order."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class _Entry:
 
 
 def write(simulation: Simulation, path: Path, *, profile: Profile = "ros1") -> None:
-    """Write the recording as MCAP and, beside it, its truth; neither appears before it is whole.
+    """Write the recording as MCAP and its truth beside it; each file appears only when complete.
 
     Images are made one at a time; a simulation gives the same bytes each time.
     """
@@ -254,10 +254,10 @@ def _planar(pose: Floats) -> tuple[Floats, Floats]:
 
 
 def _compressed(depth: NDArray[np.uint16] | NDArray[np.float32]) -> tuple[str, bytes]:
-    """Return format and data as compressed_depth_image_transport has them.
+    """Return format and data in the layout of compressed_depth_image_transport.
 
-    Twelve bytes of header, then a PNG: of the millimetres, or of A / z + B, which is the inverse
-    depth in steps that are finest near by.
+    The data are twelve bytes of header and a PNG. The PNG has millimetres, or A / z + B: this is
+    the inverse depth, in steps that are finer at small distances.
     """
     if depth.dtype == np.uint16:
         millimetres = depth.astype(np.uint16, copy=False)

@@ -15,8 +15,8 @@ from tablemap.simulation.seeds import Generators, clipped_normal
 from tablemap.simulation.shapes import Top
 
 _WAVES = 8
-_CELL = 0.12  # metres between the vertices of a floor that waves
-_REACH = 7.0  # metres from the table within which it does
+_CELL = 0.12  # metres between the vertices of a wavy floor
+_REACH = 7.0  # metres from the table: farther away the floor is flat
 _FACET = 0.08  # metres: a sagging top's triangles; their error is a tenth of a millimetre
 
 
@@ -86,10 +86,10 @@ def wavy_floor(waves: Waves, low: Floats, high: Floats, frame: Pose2) -> Mesh:
 
 @dataclass(frozen=True, eq=False)
 class Relief:
-    """How a top departs from its level plane, in the table's frame; 0 in the mean over its area.
+    """Deviation of a top from its level plane, in the table's frame; its mean over the area is 0.
 
     slope: (2,) rise a metre along x and y
-    sag: how far the middle hangs below the corners, or a round top's middle below its rim, metres
+    sag: metres by which the middle hangs below the corners, or below the rim of a round top
     reach: (2,) half extents along x and y
     round_top: whether the rim is held all round
     mean: of the sag alone over the area, metres
@@ -108,9 +108,9 @@ class Relief:
         return np.asarray(places @ self.slope - hanging - self.mean)
 
     def shaped(self, parts: list[MeshPart], top: Top) -> list[MeshPart]:
-        """Return the table's parts and what stands on it, moved up and down with the top.
+        """Return the parts of the table and the things on it, moved up and down with the top.
 
-        What carries the top keeps its feet on the floor.
+        Parts that carry the top keep their feet on the floor.
         """
         shaped = []
         for part in parts:
@@ -140,6 +140,6 @@ def draw_relief(table: Table, top: Top, generator: Generators) -> Relief | None:
     slope = np.tan(np.deg2rad(table.slope_sigma_deg) * unit)
     hanging = Relief(slope, table.sag, reach, shape_named(top.shape).is_elliptic, 0.0)
     grid = np.stack(np.meshgrid(*(np.linspace(-r, r, 201) for r in reach)), axis=-1).reshape(-1, 2)
-    # About the area's middle a slope has no mean of its own.
+    # A slope about the middle of the area has mean zero.
     rises = hanging.rises(grid[shapely.contains_xy(top.polygon, grid)])
     return replace(hanging, mean=float(rises.mean()))

@@ -15,8 +15,11 @@ from tablemap.simulation.meshes import MeshPart
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """What rays met: ``distance`` (n,) in lengths of their directions (inf: nothing), unit
-    ``normals`` (n, 3), and ``parts`` (n,) as indices, -1 for nothing.
+    """The surfaces that n rays met.
+
+    - ``distance``: (n,), in lengths of the rays' directions, inf for nothing
+    - ``normals``: (n, 3) unit vectors
+    - ``parts``: (n,) indices, -1 for nothing
     """
 
     distance: Floats
@@ -34,7 +37,7 @@ class Scene:
         # Open3D's stubs know no call with an array alone.
         tensor: Any = o3d.core.Tensor
         self._tensor = tensor
-        # One thread: recordings are simulated in parallel, and a ray's result is its own anyway.
+        # One thread: recordings are simulated in parallel already.
         self._scene: Any = o3d.t.geometry.RaycastingScene(nthreads=1)
         counts = np.cumsum([0] + [len(part.mesh.vertices) for part in parts])
         vertices = np.concatenate([part.mesh.vertices for part in parts]).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Random numbers by purpose: what a seed draws for one thing does not hang on the others."""
+"""Random numbers by purpose: the draws for one purpose do not depend on the others."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from tablemap.geometry import Floats
 
 Generators = Callable[[str], np.random.Generator]
-"""Gives the random numbers of a purpose, the same each time it is asked."""
+"""Returns the generator of a purpose, with the same numbers at each call."""
 
 _MOST = 2.5
 

@@ -1,4 +1,4 @@
-"""Table tops as outlines, and what the truth says of them.
+"""Outlines of table tops, and their truth.
 
 Conventions are those of table.json: the pose is the area centroid, x runs along the length,
 outlines are counter-clockwise.
@@ -31,9 +31,9 @@ from tablemap.simulation.scenario import Table
 class Top:
     """A table top in its own frame, round its centroid; outlines run counter-clockwise, metres.
 
-    outline: (n, 2), as its mesh has it.
-    stated: (m, 2), as the truth has it.
-    corners: (k, 2), the few that it has, for legs and chairs; none where it is round.
+    outline: (n, 2), of the mesh
+    stated: (m, 2), of the truth file
+    corners: (k, 2), for legs and chairs; empty for a round top
     """
 
     shape: str
@@ -53,7 +53,7 @@ class Top:
 def draw_top(table: Table, rng: np.random.Generator, *, nominal: bool) -> Top:
     """Draw a top's sizes, each within the table's spread of the nominal one.
 
-    Raises `ConfigError` where a size that the shape needs is missing, or it cannot be simulated.
+    Raises `ConfigError` if the shape needs a size that is missing, or cannot be simulated.
     """
     if table.shape not in _DRAWN:
         raise ConfigError(
@@ -203,4 +203,4 @@ _DRAWN: dict[str, Callable[[Table, float, float], _Drawn]] = {
     STADIUM.name: _stadium,
     POLYGON.name: _polygon,
 }
-"""What draws a shape that is ``along`` and ``across`` times as large as the table has it."""
+"""Draws a shape with the table's sizes times ``along`` and ``across``."""

@@ -1,4 +1,4 @@
-"""A simulated recording before it is written: everything that the seed decides."""
+"""A simulated recording before it is written: everything that is drawn from the seed."""
 
 from __future__ import annotations
 
@@ -58,12 +58,12 @@ class Simulation:
         return rest if rest >= 0 and second <= self.drive.rests[rest, 1] else None
 
     def parts(self, *, moved: bool) -> tuple[MeshPart, ...]:
-        """Return everything that stands in the room and is not glass, before or after the move."""
+        """Return all parts in the room that are not glass, before or after the move."""
         standing = tuple(part for part in self.world.parts if not part.glass)
         return standing + (self.world.after if moved else self.world.before)
 
     def scene(self, second: float) -> Scene:
-        """Return what camera and laser meet at a time, but for glass."""
+        """Return everything that camera and laser can meet at a time, without glass."""
         moved = bool(second >= self.moved_second)
         if self.world.people:
             walking = [part for person in self.world.people for part in person.parts(second)]
@@ -118,7 +118,7 @@ class Simulation:
     def truth(self) -> dict[str, object]:
         """Return the truth file: table, legs, the base at each image, the sensors' errors."""
         table, world = self.scenario.table, self.world
-        # A cloth's folds and a rounded rim leave it open where the top ends.
+        # With the folds of a cloth or a rounded rim, the end of the top is not exactly defined.
         tolerance = (2 * table.edge_size if table.edge != "sharp" else 0.0) + (
             0.012 if table.cloth else 0.0
         )
@@ -208,7 +208,7 @@ def _image_seconds(robot: Robot, drive: Drive) -> Floats:
 
 
 def _scan_seconds(robot: Robot, drive: Drive) -> Floats:
-    """Return when scans are kept: often while standing, as often as the log was told on the way."""
+    """Return the stamps of kept scans: many during stops, and at the log's set rate in motion."""
     if not robot.laser:
         return np.zeros(0)
     standing = np.arange(0.05, drive.stops[0, 1] - 0.03, 1 / robot.standing_scan_rate)

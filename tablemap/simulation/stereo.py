@@ -1,9 +1,9 @@
 """Stereo: two cameras side by side, matched in windows, as RealSense, OAK and ZED cameras do.
 
-Depth is f b / d, so that noise and steps of the disparity d grow with the distance's square
+Depth is f b / d, so that noise and steps of the disparity d grow with the square of the distance
 (Keselman et al. 2017, "Intel RealSense Stereoscopic Depth Cameras": a tenth of a pixel or less). A
-window that holds an edge takes the nearer surface's disparity, which fattens what is in front; what
-has no texture is not matched.
+window with an edge in it takes the disparity of the nearer surface, which makes foreground things
+wider. Surfaces without texture are not matched.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tablemap.simulation.view import View, hidden_from, in_front, look_beside
 
 _DISPARITY_SIGMA = 0.08
 _DISPARITY_STEP = 1 / 32
-_RAGGED = 0.4  # pixels: how the seam of what is fattened wanders
+_RAGGED = 0.4  # pixels: how much the border of a widened thing wanders
 _NEAREST = 0.3
 _AROUND = np.array(
     [[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1], [0.7, 0.7], [-0.7, 0.7], [0.7, -0.7], [-0.7, -0.7]]
@@ -26,7 +26,7 @@ _AROUND = np.array(
 
 
 def read(lens: Lens, view: View, rng: np.random.Generator) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return an image's depths (n,) in metres and where nothing was matched."""
+    """Return an image's depths (n,) in metres and a mask of pixels without a match."""
     settings = lens.settings
     depth, parts = view.depth.copy(), view.parts.copy()
     missing = ~np.isfinite(depth) | (depth < _NEAREST)
@@ -54,7 +54,7 @@ def _fatten(
     missing: NDArray[np.bool_],
     noise: Floats,
 ) -> None:
-    """Give pixels near depth edges the nearest surface that a window round them holds."""
+    """Give pixels near depth edges the nearest surface in the window round them."""
     where = view.edges
     if len(where) == 0:
         return
@@ -66,7 +66,7 @@ def _fatten(
     row, front = np.arange(len(where)), beside.depth.argmin(axis=1)
     finite = np.where(np.isfinite(beside.depth), beside.depth, 0.0)
     value = np.sum(finite * near, axis=1) / np.maximum(near.sum(axis=1), 1)
-    # Where the pixel's own ray met the front, it keeps its own depth.
+    # A pixel whose own ray met the front keeps its own depth.
     value = np.where(near[:, 0], beside.depth[:, 0], value)
     depth[where] = np.where(np.isfinite(nearest), value, np.inf)
     parts[where] = np.where(near[:, 0], beside.parts[:, 0], beside.parts[row, front])
@@ -76,7 +76,7 @@ def _fatten(
 def _unmatched(
     lens: Lens, view: View, depth: Floats, parts: NDArray[np.int32], rng: np.random.Generator
 ) -> NDArray[np.bool_]:
-    """Draw where nothing was matched: without texture, glancing, far, or in one image alone."""
+    """Draw pixels without a match: no texture, grazing, far, or seen by only one camera."""
     texture = np.array([part.texture for part in view.scene.parts] + [0.0])[parts]
     gloss = np.array([part.gloss for part in view.scene.parts] + [0.0])[parts]
     far = np.where(np.isfinite(depth), depth, 20.0)

@@ -21,7 +21,7 @@ _SUBPIXELS = np.array([[-0.25, -0.25], [0.25, -0.25], [-0.25, 0.25], [0.25, 0.25
 
 
 def read(lens: Lens, view: View, rng: np.random.Generator) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return an image's depths (n,) in metres and where nothing was measured."""
+    """Return an image's depths (n,) in metres and a mask of pixels without a measurement."""
     noise = lens.settings.noise
     depth, cosine, parts = view.depth.copy(), view.cosine.copy(), view.parts.copy()
     missing = ~np.isfinite(depth) | (depth < _NEAREST)
@@ -92,7 +92,7 @@ def _unmeasured(
     parts: NDArray[np.int32],
     rng: np.random.Generator,
 ) -> NDArray[np.bool_]:
-    """Draw where too little light came back: glancing, dark, far, glossy, behind glass."""
+    """Draw pixels with too little returned light: grazing, dark, far, glossy, behind glass."""
     reflectance = np.array([part.reflectance for part in view.scene.parts] + [0.0])[parts]
     gloss = np.array([part.gloss for part in view.scene.parts] + [0.0])[parts]
     angle_deg = np.rad2deg(np.arccos(np.clip(cosine, 0.0, 1.0)))

@@ -1,11 +1,11 @@
 """Time of flight: the phase of modulated light, pixel by pixel, as an Azure Kinect measures it.
 
-Noise by range as Tölgyessy, Dekan, Chovanec and Hubinský (2021), "Evaluation of the Azure Kinect
-and Its Comparison to Kinect V1 and Kinect V2", found it: a millimetre at 1 m, two to three at 3 m.
-A pixel that sees two surfaces mixes their light, so that its depth lies between them (a flying
-pixel); light that comes by way of another surface adds to the direct light and makes corners read
-far (multi-path interference: Fuchs 2010, "Multipath Interference Compensation in Time-of-Flight
-Camera Images", whose one bounce this is).
+Noise by range follows Tölgyessy, Dekan, Chovanec and Hubinský (2021), "Evaluation of the Azure
+Kinect and Its Comparison to Kinect V1 and Kinect V2": a millimetre at 1 m, two to three at 3 m. A
+pixel that sees two surfaces mixes their light, so that its depth lies between them (a flying
+pixel). Light that bounces off another surface adds to the direct light and makes corners read too
+far: multi-path interference, with one bounce as in Fuchs (2010), "Multipath Interference
+Compensation in Time-of-Flight Camera Images".
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from tablemap.simulation.view import View, in_front, look_beside
 _NEAREST = 0.25
 _RADIANS_PER_METRE = 2 * np.pi * 100e6 / 299_792_458  # of phase, at 100 MHz
 _FOOTPRINT = np.array([[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5], [0.0, 0.0], [0.0, 0.0]])
-"""Where a pixel gathers its light, pixels: optics blur a little beyond its square."""
-_RECEIVERS, _SENDERS = 16, 32  # every so many pixels, multi-path is reckoned to and from
+"""Places at which a pixel gathers light, pixels: optics blur a little beyond its square."""
+_RECEIVERS, _SENDERS = 16, 32  # pixels between places that receive and that send multi-path light
 
 
 def read(
     lens: Lens, view: View, rng: np.random.Generator, *, multipath: Floats | None
 ) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return an image's depths (n,) in metres and where nothing was measured."""
+    """Return an image's depths (n,) in metres and a mask of pixels without a measurement."""
     settings = lens.settings
     depth, cosine, parts = view.depth.copy(), view.cosine.copy(), view.parts.copy()
     missing = ~np.isfinite(depth) | (depth < _NEAREST)
@@ -49,12 +49,11 @@ def read(
 
 
 def multipath_of(lens: Lens, view: View) -> Floats:
-    """Return how much further (n,) each pixel reads for light that came by one other surface.
+    """Return the metres (n,) by which each pixel reads too far, from light with one bounce.
 
-    A patch that the camera's light meets sends it on, as matt surfaces do, to every place that it
-    faces. That light's way is longer, and its phase adds to the direct light's as a phasor. Only
-    what is in the image is lit, so only that sends light on; what stands between two places, and
-    would keep the light from passing, is left out.
+    A patch that the camera's light meets reflects it, like a matt surface, to every place that it
+    faces. This light has a longer way; its phasor adds to that of the direct light. Only surfaces
+    in the image are lit and reflect light. Occlusion between two places is ignored.
     """
     to, sent = _patches(lens, view, _RECEIVERS), _patches(lens, view, _SENDERS)
     way = sent.places - to.places[:, None]
@@ -74,13 +73,13 @@ def multipath_of(lens: Lens, view: View) -> Floats:
 
 
 class _Patches:
-    """Patches of what is seen, one every few pixels.
+    """Patches of the seen surfaces, one every few pixels.
 
     pixels: (m,) indices
     places, normals: (m, 3), in the map, normals towards the camera
     distances: (m,) metres from the camera
     areas: (m,) square metres
-    light: (m,) how brightly the camera's light falls on it, at 1 m head-on 1
+    light: (m,) irradiance by the camera's light, 1 at 1 m and normal incidence
     """
 
     def __init__(self, lens: Lens, view: View, pixels: NDArray[np.int64], step: int) -> None:
@@ -180,7 +179,7 @@ def _unmeasured(
     parts: NDArray[np.int32],
     rng: np.random.Generator,
 ) -> NDArray[np.bool_]:
-    """Draw where too little light came back; beyond the lit cone none was sent."""
+    """Draw pixels with too little returned light; outside of the lit cone there is none."""
     gloss = np.array([part.gloss for part in view.scene.parts] + [0.0])[parts]
     lost = 0.0005 + np.clip(1.2 - light / depth**2 / 0.006, 0.0, 1.0) + 0.6 * view.behind_glass
     missing = rng.random(len(depth), dtype=np.float32) < lost

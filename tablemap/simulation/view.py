@@ -1,4 +1,4 @@
-"""What a camera would see without noise."""
+"""A camera's view without noise."""
 
 from __future__ import annotations
 
@@ -15,10 +15,14 @@ from tablemap.simulation.scene import Scene
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What the camera would see without noise: per pixel, flat over (height x width).
+    """A camera's view without noise, n = height x width pixels.
 
-    ``depth`` metres (inf: nothing), ``normals`` in the map, ``parts`` of the scene, ``cosine`` of
-    the angle of incidence, ``behind_glass`` (n,) bool, ``edges`` the indices near depth edges.
+    - ``depth``: (n,) metres, inf for nothing
+    - ``normals``: (n, 3) unit vectors in the map
+    - ``parts``: (n,), indices into the scene's parts
+    - ``cosine``: (n,), of the angle of incidence
+    - ``behind_glass``: (n,) bool
+    - ``edges``: indices of pixels near depth edges
     """
 
     scene: Scene
@@ -33,10 +37,10 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """What rays beside the pixels' own met: (n, k) each, as `View` has it.
+    """The surfaces met by k rays beside each pixel's own ray, fields as in `View`, (n, k) each.
 
-    ``depth`` is read at the pixel's own ray: a displacement moves edges, and does not roughen a
-    slanted plane.
+    ``depth`` is that of the surface's plane at the pixel's own ray: so a displaced ray moves edges,
+    but does not make a slanted plane rough.
     """
 
     depth: Floats
@@ -45,7 +49,7 @@ class Beside:
 
 
 def see(lens: Lens, scene: Scene, glass: Scene | None, map_from_camera: Floats) -> View:
-    """Cast one ray a pixel and find where depth jumps."""
+    """Cast one ray a pixel and find the jumps of depth."""
     rays = lens.rays @ map_from_camera[:3, :3].T
     origin = map_from_camera[:3, 3]
     hits = scene.cast(origin, rays)
@@ -108,10 +112,10 @@ def in_front(depth: Floats) -> tuple[Floats, NDArray[np.bool_]]:
 
 
 def hidden_from(lens: Lens, depth: Floats, baseline: float) -> NDArray[np.bool_]:
-    """Return where something nearer hides a place from a second eye to the camera's right.
+    """Return a mask of places that a nearer surface hides from a second eye to the right.
 
-    A place in column u lies at u - f b / z in that eye's image; it is seen where nothing to its
-    right lies further left there.
+    A place in column u lies at u - f b / z in the image of that eye. It is visible if no place to
+    its right lies further left in that image.
     """
     disparity = np.where(np.isfinite(depth), lens.k[0, 0] * baseline / depth, 0.0)
     u = np.arange(lens.width, dtype=np.float64)

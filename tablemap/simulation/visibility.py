@@ -1,4 +1,4 @@
-"""How much of the top each image truly shows."""
+"""The true share of the top that each image shows."""
 
 from __future__ import annotations
 
@@ -19,8 +19,10 @@ _TOLERANCE = 0.002  # metres: a ray that comes so near to a place has met it
 
 @dataclass(frozen=True)
 class TopSeen:
-    """Shares of the top's area: ``in_image`` where it is in the image, hidden or not, and
-    ``unhidden`` where besides nothing stands in front of it or on it.
+    """Shares of the top's area.
+
+    - ``in_image``: inside of the image, hidden or not
+    - ``unhidden``: inside of the image, and nothing stands in front of it or on it
     """
 
     in_image: float
@@ -44,7 +46,7 @@ def _rises(relief: Relief | None, places: Floats) -> Floats:
 
 
 def top_seen(places: Floats, scene: Scene, camera: DepthCamera, map_from_camera: Floats) -> TopSeen:
-    """Return what an image shows of the top's places (n, 3)."""
+    """Return the shares of the top's places (n, 3) that an image shows."""
     inside = camera.sees(transform(np.asarray(np.linalg.inv(map_from_camera)), places))
     origin = map_from_camera[:3, 3]
     rays = places - origin

@@ -1,4 +1,4 @@
-"""The world of a recording: the table, what is round it, and where a robot can drive."""
+"""The world of a recording: the table, its surroundings, and the robot's path."""
 
 from __future__ import annotations
 
@@ -61,9 +61,9 @@ class Person:
 class World:
     """Everything in the map frame; the floor is z = 0.
 
-    ``path`` is the closed line round the table on which the base drives. ``before`` and ``after``
-    are the furniture that is moved halfway. ``relief`` is how the top departs from its plane, and
-    ``waves`` is how the floor does; None where it does not.
+    - ``path``: the closed line round the table on which the base drives
+    - ``before``, ``after``: the furniture that is moved halfway, before and after the move
+    - ``relief``, ``waves``: deviations of the top and of the floor from a plane, None if flat
     """
 
     top: Top
