@@ -1,1 +1,1 @@
-"""A model against the truth; the report's method as the baseline; suites and their tables."""
+"""Comparison of models with the truth, suites of scenarios, and tables of their scores."""

@@ -1,4 +1,4 @@
-"""Many runs' scores as one set of figures: medians, 95th percentiles, worst; counts and shares."""
+"""The scores of many runs as one set of figures: medians, 95th percentiles, worst, shares."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ class RunScore:
 def summarise(runs: Sequence[RunScore]) -> dict[str, object]:
     """Return the figures of ``scores.json`` for a group of runs.
 
-    Dimensions count where the model calls them measured (others are counted in ``unmeasured``);
-    ``coverage_95`` is the share of stated 95 % intervals, over dimensions, angles, heights and
-    places of legs, that hold the truth. ``interval_score_mm`` (see `Error.interval_score`) and
-    ``interval_width_mm`` are means over the intervals of dimensions and heights, so that wide ones
-    are no excuse. ``views`` counts those that truly see the top.
+    Only dimensions that the model calls measured count; ``unmeasured`` is the number of others.
+    ``coverage_95`` is the share of stated 95 % intervals that contain the truth, over dimensions,
+    angles, heights and places of legs. ``interval_score_mm`` (see `Error.interval_score`) and
+    ``interval_width_mm`` are means over the intervals of dimensions and heights: they show
+    intervals that are too wide. ``views`` counts the views that truly see the top.
     """
     scores = [run.score for run in runs if run.score]
     lengths = [e for s in scores for e in s.dimensions]
@@ -141,7 +141,7 @@ def _mean(values: Iterable[float]) -> float | None:
 
 
 def _confusion(scores: Sequence[Score]) -> dict[str, dict[str, int]]:
-    """Return how often each true shape was called what."""
+    """Return, for each true shape, how often each shape was found."""
     table: dict[str, Counter[str]] = {}
     for score in scores:
         table.setdefault(score.true_shape, Counter())[score.shape] += 1

@@ -1,8 +1,7 @@
-"""A model against the truth: every error of one run.
+"""Comparison of a model with the truth: every error of one run.
 
-Both are brought into one frame by the best SE(2) fit of the snapshots' poses, so that the
-localisation's free offset does not count. Raw errors carry their sign; lengths are in metres,
-angles in radians.
+The best SE(2) fit of the snapshots' poses brings both into one frame, so that the free offset of
+the localisation does not count. Raw errors have a sign; lengths are in metres, angles in radians.
 """
 
 from __future__ import annotations
@@ -22,31 +21,35 @@ from tablemap.stages.surface.shapes.shape import extents
 
 MEASURED = "measured"
 LEG_REACH = 0.10
-"""A leg further than this from every true one is invented, metres."""
+"""A leg farther than this from every true leg counts as invented, metres."""
 ADMITTED_SIGMAS = 3.0
-"""An error within so many of its sigmas was admitted."""
+"""An error within this many of its stated sigmas counts as admitted."""
 SILENT = 0.02
 """An unwarned, unadmitted error above this is a silent failure, metres."""
 HARMLESS = 0.008
 """A warning is a false alarm where every figure is within this, metres."""
 
 SEES_TOP = 0.1
-"""A view that shows so much of the top's area, unhidden, sees it."""
+"""A view sees the top if it shows at least this share of its area unhidden."""
 _SAME_STAMP_NS = 50_000_000
 _BOUND = 1.96
 _MISSED = 2 / 0.05
-"""What each unit beyond a 95 % interval adds to its score."""
+"""A 95 % interval's score grows by this much for each unit that the truth lies outside."""
 
 LARGEST_TURN = float(np.radians(5.0))
-"""A top turned further against the snapshots is wrong itself, radians."""
+"""A top turned more than this against the snapshots is itself wrong, radians."""
 
 
 @dataclass(frozen=True)
 class Error:
-    """One figure's error: estimate less truth, and the sigma that was stated for it.
+    """One figure's error.
 
-    ``size`` is the true value, ``excess`` what remains of |error| after what the injected sensor
-    errors and the truth's own tolerance explain; ``status`` is the figure's.
+    - ``error``: estimate minus truth
+    - ``sigma``: the stated standard deviation
+    - ``size``: the true value
+    - ``excess``: the part of |error| that the injected sensor errors and the truth's own tolerance
+      do not explain
+    - ``status``: that of the figure
     """
 
     name: str
@@ -58,7 +61,7 @@ class Error:
 
     @property
     def covered(self) -> bool | None:
-        """Whether the stated 95 % interval holds the truth; None without a sigma."""
+        """Whether the stated 95 % interval contains the truth; None without a sigma."""
         return None if self.sigma is None else abs(self.error) <= _BOUND * self.sigma
 
     @property
@@ -68,11 +71,11 @@ class Error:
 
     @property
     def interval_score(self) -> float | None:
-        """The score of the stated 95 % interval, the less the better; None without a sigma.
+        """The score of the stated 95 % interval, lower is better; None without a sigma.
 
-        Its width, and 40 times what the truth lies outside of it: neither wide intervals nor
-        narrow ones pay (Gneiting and Raftery 2007, "Strictly Proper Scoring Rules, Prediction,
-        and Estimation", equation 43).
+        It is the interval's width plus 40 times the distance of the truth outside of it. Both too
+        wide and too narrow intervals score badly (Gneiting and Raftery 2007, "Strictly Proper
+        Scoring Rules, Prediction, and Estimation", equation 43).
         """
         if self.sigma is None:
             return None
@@ -81,7 +84,7 @@ class Error:
 
     @property
     def admitted(self) -> bool:
-        """Whether the stated sigma admits the error."""
+        """Whether the error is within the limit by its stated sigma."""
         return self.sigma is not None and abs(self.error) <= ADMITTED_SIGMAS * self.sigma
 
 
@@ -98,7 +101,7 @@ class LegScore:
 
 @dataclass(frozen=True)
 class ViewScore:
-    """How many views truly see the top, one a rest of the head, and how many of them were used."""
+    """Number of views, one a rest of the head, that truly see the top, and of those used."""
 
     seeing: int
     used: int
@@ -106,7 +109,7 @@ class ViewScore:
 
 @dataclass(frozen=True)
 class Score:
-    """One run against its truth; what the truth leaves open is None or empty."""
+    """The errors of one run; what the truth does not know is None or empty."""
 
     shape: str
     true_shape: str
@@ -132,13 +135,13 @@ class Score:
 
     @property
     def silent_failure(self) -> bool:
-        """A figure over 2 cm off, no warning that doubts figures, no sigma that admits it."""
+        """Whether a figure errs by over 2 cm, and neither a warning nor its sigma admits this."""
         bad = [f for f in (*self.measured, *self.poses) if abs(f.error) > SILENT and not f.admitted]
         return bool(bad) and not self.doubts
 
     @property
     def false_alarm(self) -> bool:
-        """A warning that doubts figures although each is within 8 mm and the shape is right."""
+        """Whether a warning doubts figures that are all within 8 mm, with the right shape."""
         right = self.shape == self.true_shape
         return bool(self.doubts) and right and all(abs(f.error) <= HARMLESS for f in self.measured)
 
@@ -171,7 +174,7 @@ def score(model: TableModel, truth: Truth) -> Score:
 
 
 def _weights(surface: TableSurface) -> dict[str, float]:
-    """Return each shape's weight; of a shape that is there with two fits, the better one's."""
+    """Return each shape's weight; of two fits of one shape, the better one's."""
     weights: dict[str, float] = {}
     for name, weight in (
         *((other.shape, other.score) for other in surface.alternatives),
@@ -193,7 +196,7 @@ def fit_rigid(source: Floats, target: Floats) -> Pose2:
 def _align_snapshots(
     model: TableModel, truth: Truth
 ) -> tuple[Pose2 | None, tuple[Error, ...], tuple[float, ...]]:
-    """Fit the used snapshots onto the true ones; return the fit and what is left, pose by pose."""
+    """Fit the used snapshots onto the true ones; return the fit and the residual of each pose."""
     estimated, true, sigmas = [], [], []
     for snapshot, known in _matched(model, truth):
         if not snapshot.used:
@@ -212,7 +215,7 @@ def _align_snapshots(
     for i, (e, t) in enumerate(zip(estimated, true, strict=True)):
         placed = fit @ e
         distance = float(np.hypot(placed.x - t.x, placed.y - t.y))
-        # The stated sigma is per axis; the distance is of two.
+        # The stated sigma is for one axis; the distance has two.
         sigma = None if sigmas[i] is None else sigmas[i] * np.sqrt(2)
         poses.append(Error("pose", distance, sigma, 0.0, distance))
         headings.append(abs(wrap_angle(placed.yaw - t.yaw)))
@@ -220,7 +223,7 @@ def _align_snapshots(
 
 
 def _matched(model: TableModel, truth: Truth) -> Iterator[tuple[SnapshotPose, TrueSnapshot]]:
-    """Yield the model's snapshots, each with the true one of its stamp, where there is one."""
+    """Yield each of the model's snapshots that has a true one of its stamp, with that one."""
     if not truth.snapshots:
         return
     known = sorted(truth.snapshots, key=lambda snapshot: snapshot.stamp_ns)
@@ -232,7 +235,7 @@ def _matched(model: TableModel, truth: Truth) -> Iterator[tuple[SnapshotPose, Tr
 
 
 def _score_views(model: TableModel, truth: Truth) -> ViewScore | None:
-    """Count the rests that see the top, and those used; None where the truth doesn't know."""
+    """Count the rests that see the top, and those used; None if the truth does not know."""
     seen = {
         known.rest: known.sees_top >= SEES_TOP
         for known in truth.snapshots or ()
@@ -246,7 +249,7 @@ def _score_views(model: TableModel, truth: Truth) -> ViewScore | None:
 
 
 def _dimension_errors(surface: TableSurface, truth: Truth) -> tuple[Error, ...]:
-    """Compare as many corners by name, anything else by the extents of the outlines."""
+    """Compare dimensions by name for equal numbers of corners, else extents of the outlines."""
     true = truth.surface
     called, meant = shape_named(surface.shape), shape_named(true.shape)
     pairs: list[tuple[str, float, float | None, str, float]] = []
@@ -374,12 +377,12 @@ def _score_legs(model: TableModel, truth: Truth, truth_from_model: Pose2 | None)
 
 
 def _turn_of(surface: TableSurface, true: TrueSurface, truth_from_model: Pose2) -> Pose2:
-    """Return what turns the top onto the true one, where its shape has a heading.
+    """Return the turn of the top onto the true top, if its shape has a heading.
 
-    The snapshots' poses that brought both together have an error of their own: a laser that is not
-    where TF has it turns them all, round a table that it does not turn.
+    The fit of the snapshots' poses has its own error: a laser that is not at its place in TF turns
+    all poses, but does not turn the table.
     """
-    # A shape that only its outline tells has no heading of its own, and a circle has none at all.
+    # A shape that is known only by its outline has no heading of its own; nor has a circle.
     periods = [shape_named(shape).symmetry for shape in (surface.shape, true.shape)]
     period = min(period or 0.0 for period in periods)
     if not period or true.pose is None:

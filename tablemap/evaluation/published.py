@@ -1,4 +1,4 @@
-"""What the bachelor report published of its ten recordings."""
+"""The figures that the bachelor report published for its ten recordings."""
 
 PUBLISHED: dict[str, dict[str, str]] = {
     "rectangle_extended": {

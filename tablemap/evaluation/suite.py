@@ -49,7 +49,7 @@ class Evaluation:
     runs: tuple[RunScore, ...]
 
     def figures(self) -> dict[str, object]:
-        """Return the content of ``scores.json``; suites apart where all of them were run."""
+        """Return the content of ``scores.json``, by suite if all suites were run."""
         from tablemap.simulation import SUITES
         from tablemap.simulation import suite as scenarios_of
 
@@ -106,10 +106,10 @@ def evaluate(
     jobs: int,
     progress: Callable[[RunScore], None],
 ) -> list[RunScore]:
-    """Score all cases over ``jobs`` processes, but for those that ``output`` holds already.
+    """Score all cases with ``jobs`` processes; skip those whose scores are already in ``output``.
 
-    A case counts as held where it was scored by the same code and config. Runs come back in the
-    order of the cases, whatever finished first.
+    A score is kept if it comes from the same code and config. Runs are returned in the order of the
+    cases.
     """
     store = output / "cases"
     store.mkdir(parents=True, exist_ok=True)
@@ -166,7 +166,7 @@ def _run_all(
 
 
 def run_case(case: Case, config: Config) -> list[RunScore]:
-    """Simulate a case's recording where it has none, and score each method's model of it."""
+    """Simulate a case's recording if it has none, and score each method's model of it."""
     if case.recording:
         truth = Truth.load(Truth.beside(case.recording))
         return [_run(case, method, case.recording, truth, config) for method in case.methods]
@@ -201,7 +201,7 @@ def _run(case: Case, method: str, recording: Path, truth: Truth, config: Config)
         return RunScore(case.scenario, case.seed, method, result, None, seconds)
     except TablemapError as error:
         return RunScore(case.scenario, case.seed, method, None, str(error), seconds)
-    except Exception as error:  # a defect in one case must not end the suite, and must be counted
+    except Exception as error:  # a defect in one case counts, and must not end the suite
         seconds["until defect"] = time.perf_counter() - started
         return RunScore(
             case.scenario, case.seed, method, None, f"{type(error).__name__}: {error}", seconds
@@ -209,7 +209,7 @@ def _run(case: Case, method: str, recording: Path, truth: Truth, config: Config)
 
 
 def _key(config: Config) -> str:
-    """Return what a held score depends on: the package's source and the config."""
+    """Return the key of a kept score: a digest of the package's source and the config."""
     digest = hashlib.sha256(f"{__version__}\n{dump_config(config)}".encode())
     package = Path(__file__).resolve().parent.parent
     for file in sorted([*package.rglob("*.py"), *package.rglob("*.toml")]):
@@ -238,7 +238,7 @@ def _load(file: Path, key: str) -> RunScore | None:
 def score_run(run: AnyPath, truth: AnyPath | None = None) -> RunScore:
     """Score a finished run folder against a truth file, by default the one beside its recording.
 
-    Raises `TablemapError` where the run left no model or there is no truth.
+    Raises `TablemapError` if the run left no model or there is no truth.
     """
     from tablemap.archive import load_run
 

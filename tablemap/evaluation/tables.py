@@ -108,7 +108,7 @@ def markdown(rows: Rows) -> str:
 
 
 def scores_markdown(figures: Mapping[str, Any], runs: Sequence[RunScore]) -> str:
-    """Return ``scores.md``: the table, then every run that failed, was wrong or kept silent."""
+    """Return ``scores.md``: the table, then every run that failed or erred without a warning."""
     seeds = figures["seeds"]
     span = f"{min(seeds)} to {max(seeds)}" if seeds else "none"
     parts = [
@@ -146,7 +146,7 @@ def _remark(run: RunScore) -> str:
 def report_tables(runs: Sequence[RunScore]) -> dict[str, Rows]:
     """Return the report's tables in its layout: published, its method here, tablemap here.
 
-    Figures of several seeds are medians of the estimate less the truth, added to the nominal truth.
+    A figure of several seeds is the nominal truth plus the median of estimate minus truth.
     """
     layouts = {
         "Table 1: length, width and angle (m, degrees)": "size",

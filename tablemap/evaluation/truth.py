@@ -1,4 +1,4 @@
-"""What is known of a recording: ``*.truth.json``. What is not known is null."""
+"""The known truth of a recording, ``*.truth.json``; unknown values are null."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SCHEMA = "tablemap/truth/1"
 
 
 class TruthPart(BaseModel):
-    """A part of the truth: frozen; fields that a reader does not know are ignored."""
+    """A part of the truth: frozen; unknown fields in the file are ignored."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 
@@ -130,10 +130,10 @@ class Truth(TruthPart):
 
     @staticmethod
     def load(path: AnyPath) -> Truth:
-        """Read a truth file. Raises `TablemapError` where it is none."""
+        """Read a truth file. Raises `TablemapError` if it is not one."""
         return read_document(path, Truth, schema=SCHEMA, noun="truth")
 
     @staticmethod
     def beside(recording: Path) -> Path:
-        """Return where a recording's truth file is: ``NAME.truth.json`` beside ``NAME.mcap``."""
+        """Return the path of a recording's truth file: ``NAME.truth.json`` beside ``NAME.mcap``."""
         return recording.with_name(f"{recording.stem}.truth.json")
