@@ -1,6 +1,6 @@
-"""From a model's figures to solid parts, and what must be said of them.
+"""Solid parts from a model's figures, with warnings about them.
 
-Nothing but the model is used: what it does not know is configured, and warned of.
+Only the model is used. Values that it lacks come from the config, with a warning.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from tablemap.model.shapes import shape_named
 def build(
     model: TableModel, config: ExportConfig, *, name: str
 ) -> tuple[Solid, tuple[ProcessWarning, ...]]:
-    """Make the parts of a model, with what the reader of an export must know of them.
+    """Make the parts of a model, with warnings for the reader of an export.
 
-    Raises `TablemapError` where the model has no height or its outline encloses nothing.
+    Raises `TablemapError` if the model has no height or its outline encloses nothing.
     """
     surface = model.surface
     height = surface.height.value
@@ -88,7 +88,7 @@ def _top_shape(
 
 
 def _simple_ring(points: Floats) -> tuple[Floats, bool]:
-    """Return an outline (N, 2) counter-clockwise without repeated points, and if it was mended."""
+    """Return an outline (N, 2), counter-clockwise, without repeated points; tell if it changed."""
     polygon = shapely.Polygon(points) if len(points) > 2 else shapely.Polygon()
     valid = bool(polygon.is_valid)
     if not valid:
@@ -126,7 +126,7 @@ def _legs(legs: tuple[TableLeg, ...], pose: Pose2, height: float) -> tuple[Solid
 
 
 def _doubts(model: TableModel) -> list[ProcessWarning]:
-    """Return what makes the figures less than measured."""
+    """Return warnings about figures that were not fully measured."""
     warnings = []
     unseen = [name for name, size in model.surface.dimensions.items() if size.status == "unseen"]
     if unseen:

@@ -10,10 +10,10 @@ from tablemap.files import whole_files
 
 
 def write_files(folder: Path, files: Mapping[str, bytes]) -> tuple[Path, ...]:
-    """Write the files by their names under ``folder``, replacing what bears their names.
+    """Write the files by their names under ``folder``, replacing files of these names.
 
-    All are written under temporary names first, so that a full disk leaves the earlier ones.
-    Raises `TablemapError` where one cannot be written.
+    All are first written under temporary names, so that a full disk leaves the earlier files.
+    Raises `TablemapError` if a file cannot be written.
     """
     targets = tuple(folder / name for name in files)
     try:

@@ -1,4 +1,4 @@
-"""The world file of formats that have none: where the object stands in the map."""
+"""The world file for formats that have none of their own: the object's pose in the map."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from tablemap.geometry import Floats
 
 WORLD = "{name}.world.json"
-"""What the file is called; ``{name}`` is the table's name."""
+"""The file's name; ``{name}`` stands for the table's name."""
 
 
 def z_up_from_y_up() -> Floats:
@@ -23,7 +23,7 @@ def z_up_from_y_up() -> Floats:
 def placement(solid: Solid, *, file: str, up: Literal["y", "z"] = "z") -> bytes:
     """Return JSON with the pose of the table's frame, and the matrix for the file's coordinates.
 
-    ``map_from_object`` (4, 4) maps a point as ``file`` holds it into the map, its up axis included.
+    ``map_from_object`` (4, 4) maps a point with the coordinates and up axis of ``file`` to the map.
     """
     import numpy as np
 

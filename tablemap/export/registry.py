@@ -1,4 +1,4 @@
-"""Which formats there are: each module of `tablemap.export.formats` brings its own entry."""
+"""The registry of formats: each module of `tablemap.export.formats` adds its own entry."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 class Format:
     """A format's entry in the registry.
 
-    ``name``: how users call it; its files go to a folder of this name.
-    ``description``: what the files are for, a few words.
-    ``files``: their names under that folder. ``{name}`` stands for the table's name, ``*`` for a
-    part's: such a file is written where the part needs it.
-    ``world``: the one of ``files`` that places the object in the map. None where there is none.
-    ``write``: returns the content of the files of a table by their names; writes nothing.
+    - ``name``: for users; the files go to a folder of this name
+    - ``description``: the use of the files, in a few words
+    - ``files``: their names under that folder. ``{name}`` stands for the table's name, ``*`` for a
+      part's: such a file is written only if the part needs it
+    - ``world``: the one of ``files`` that places the object in the map, None without one
+    - ``write``: returns the content of a table's files by their names; writes nothing
     """
 
     name: str
@@ -38,7 +38,7 @@ class Format:
 
     @property
     def is_single_file(self) -> bool:
-        """Whether the format is one file that ends as it is called, whatever lies beside it."""
+        """Whether the format has one main file, with the format's name as its suffix."""
         return f"{{name}}.{self.name}" in self.files
 
 
@@ -53,7 +53,7 @@ def all_formats() -> Mapping[str, Format]:
 
 
 def check_formats(names: Sequence[str]) -> tuple[Format, ...]:
-    """Return the formats of these names, each once. Raises `ConfigError` where one is not known."""
+    """Return the formats of these names, each once. Raises `ConfigError` if one is unknown."""
     known = all_formats()
     names = [names] if isinstance(names, str) else names
     for name in names:

@@ -1,4 +1,4 @@
-"""Outlines of round and straight shapes about their middle, fine enough to stand for them."""
+"""Outlines of round and straight shapes about their middle, as fine polygons."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import numpy as np
 from tablemap.geometry import Floats
 
 SAGITTA = 5e-5
-"""Metres that a chord may lie inside the curve that it stands for."""
+"""Largest distance of a chord inside of its curve, metres."""
 
 
 def arc_steps(radius: float) -> int:
-    """Return how many chords a quarter circle takes for their sagitta to be small."""
+    """Return the number of chords of a quarter circle that keeps their sagitta small."""
     if radius <= SAGITTA:
         return 1
     return max(4, int(np.ceil(np.pi / 4 / np.arccos(1 - SAGITTA / radius))))
@@ -42,7 +42,7 @@ def rectangle_ring(length: float, width: float, corner_radius: float = 0.0) -> F
     angles = turn + np.arange(4)[:, None] * (np.pi / 2)
     arcs = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     ring = (centres[:, None] + radius * arcs).reshape(-1, 2)
-    # A radius of half a side leaves no straight between two arcs: their ends coincide.
+    # With a radius of half a side there is no straight part between two arcs: their ends coincide.
     apart = np.linalg.norm(ring - np.roll(ring, 1, axis=0), axis=1) > 1e-9
     rounded: Floats = ring[apart]
     return rounded

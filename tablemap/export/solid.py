@@ -1,4 +1,4 @@
-"""A table as solid parts in its own frame: what every format writes in its own words.
+"""A table as solid parts in its own frame: every format writes these parts.
 
 The table's frame has its origin on the floor under the top's ``pose``, x along the length and z up.
 """
@@ -68,7 +68,7 @@ class SolidPart:
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A table's parts, where it stands, and the model that they were made of."""
+    """A table's parts, its pose, and the model from which they were made."""
 
     name: str
     model: TableModel

@@ -1,4 +1,4 @@
-"""Numbers and XML as the formats write them."""
+"""Numbers and XML for the formats."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ ANGLE_DECIMALS = 9
 
 
 def number(value: float, decimals: int = DECIMALS) -> str:
-    """Return a figure without needless zeros: metres to the micrometre."""
+    """Return a figure without trailing zeros: metres to the micrometre."""
     return f"{round(float(value), decimals) + 0.0:.{decimals}f}".rstrip("0").rstrip(".")
 
 

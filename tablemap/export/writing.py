@@ -1,4 +1,4 @@
-"""How a model or a run is written in some formats."""
+"""Export of a model or a run in several formats."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Exported:
-    """The files that were written, and what their reader must know."""
+    """The files that were written, and warnings for their reader."""
 
     files: tuple[Path, ...]
     warnings: tuple[ProcessWarning, ...]
@@ -33,12 +33,12 @@ def export_model(
     config: ExportConfig | None = None,
     name: str = "table",
 ) -> Exported:
-    """Write a model in each format to ``output/<format>/``; all files whole, or none of them.
+    """Write a model in each format to ``output/<format>/``: all files, or none of them.
 
-    ``name`` is what the object and its files are called. ``output`` may also be the file itself,
-    where it ends as the one format does. Raises `ConfigError` for an unknown format and
-    `TablemapError` where the model cannot be exported, a file not be written, or ``name`` is no
-    name of a file.
+    ``name`` is the name of the object and its files. With one format, ``output`` may also be the
+    file itself, if it has the format's suffix. Raises `ConfigError` for an unknown format, and
+    `TablemapError` if the model cannot be exported, a file cannot be written, or ``name`` is not a
+    valid file name.
     """
     from tablemap.config import ExportConfig
     from tablemap.export.building import build
@@ -68,9 +68,9 @@ def export_run(
 ) -> Exported:
     """Write every table of a run folder, or one ``table.json``, in each format.
 
-    The chosen table is called ``table``, the others ``table_NN``; ``output`` is the run's
-    ``exports/`` unless given, and a file there takes the chosen table alone. Raises as
-    `export_model`, and where the run left no model.
+    The chosen table is called ``table``, the others ``table_NN``. ``output`` is by default the
+    run's ``exports/``; if it is a file, only the chosen table is written. Raises the errors of
+    `export_model`, and `TablemapError` if the run left no model.
     """
     from tablemap.model import TableModel
 
@@ -91,14 +91,14 @@ def export_run(
 
 
 def _is_file(output: Path, formats: tuple[Format, ...]) -> bool:
-    """Return whether ``output`` names the file of the one format asked for: ``table.glb``."""
+    """Tell whether ``output`` names the file of the single format, such as ``table.glb``."""
     return (
         len(formats) == 1 and formats[0].is_single_file and output.suffix == f".{formats[0].name}"
     )
 
 
 def _tables(run: AnyPath) -> tuple[Path, dict[str, Path]]:
-    """Return the folder that ``exports/`` goes to, and the files of models by their names."""
+    """Return the folder in which ``exports/`` is made, and the files of models by their names."""
     from tablemap.archive.folder import load_run, names_model
 
     if names_model(run):

@@ -1,4 +1,4 @@
-"""The formats, a module each: whatever module stands here and has a ``FORMAT`` can be written.
+"""The formats, one module each: every module here with a ``FORMAT`` can be written.
 
-Their heavy imports wait inside their functions, so that the list of formats costs nothing.
+Heavy imports are inside of functions, so that the list of formats loads quickly.
 """

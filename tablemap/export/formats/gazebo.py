@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
     """Return NAME/model.sdf, NAME/model.config, and NAME.world.sdf that places it.
 
-    One link, so that the parts stay together where a user makes the model movable.
+    The model has one link, so that its parts stay together if a user makes it movable.
     """
     root, model = model_element(solid)
     link = child(model, "link", name="link")

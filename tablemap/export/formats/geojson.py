@@ -1,7 +1,7 @@
-"""GeoJSON in local metres of the map: for plans and GIS, and marked as no longitude and latitude.
+"""GeoJSON in local metres of the map, for plans and GIS; it is not in longitude and latitude.
 
-RFC 7946 means WGS 84 unless agreed otherwise; ``"crs": null`` is how the format's 2008 version says
-that no reference system can be assumed, and ``reference`` names ours.
+RFC 7946 assumes WGS 84 unless agreed otherwise. In the format's 2008 version ``"crs": null`` says
+that no reference system may be assumed; ``reference`` names ours.
 """
 
 from __future__ import annotations

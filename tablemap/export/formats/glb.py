@@ -1,4 +1,4 @@
-"""Binary glTF 2.0: metres, y up as glTF has it, one node a part."""
+"""Binary glTF 2.0: metres, y up as glTF requires, one node a part."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
-    """Return NAME.glb and where it stands."""
+    """Return NAME.glb and its world file."""
     from tablemap.geometry import invert
 
     name = f"{solid.name}.glb"

@@ -1,6 +1,6 @@
 """MoveIt's planning scene: a ``.scene`` file and a CollisionObject message as YAML, in the map.
 
-The ``.scene`` is in the form that has an object's pose and its subframes (MoveIt 1.1 and 2).
+The ``.scene`` has the form with an object's pose and subframes (MoveIt 1.1 and 2).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
     import yaml
 
     meshes = {part.name: part_mesh(part) for part in solid.parts if isinstance(part.shape, Prism)}
-    # The C dumper is ten times as fast on the vertices of a round top.
+    # The C dumper is ten times faster on the vertices of a round top.
     message = yaml.dump(
         _message(solid, meshes), Dumper=yaml.CSafeDumper, sort_keys=False, default_flow_style=None
     )

@@ -83,7 +83,7 @@ def _mask(
 
     cell = config.resolution
     west, south, east, north = polygons.bounds
-    # The origin on whole cells, so that masks of one resolution lie on one another.
+    # The origin is on whole cells, so that masks of one resolution have one grid.
     first = np.floor((np.array([west, south]) - config.margin) / cell).astype(np.int64)
     last = np.ceil((np.array([east, north]) + config.margin) / cell).astype(np.int64)
     columns, rows = (last - first).tolist()

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
-    """Return NAME.obj and where it stands."""
+    """Return NAME.obj and its world file."""
     lines = ["# metres, z up, in the table's frame"]
     first = 1
     for part in solid.parts:

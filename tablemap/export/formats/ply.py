@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
-    """Return NAME.ply and where it stands."""
+    """Return NAME.ply and its world file."""
     from trimesh.exchange.ply import export_ply
     from trimesh.util import concatenate
 

@@ -1,7 +1,7 @@
 """SDF 1.6 as TU/e's ED reads it: ``model.sdf`` and ``model.config``, a folder a model.
 
-A ``polyline`` lies half above and half below its pose, and the link ``on_top_of`` holds the volume
-in which things stand on the table.
+A ``polyline`` lies half above and half below its pose. The link ``on_top_of`` is the volume for
+things on the table.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ DASHES = {"measured": "none", "inferred": "24 12", "unseen": "4 10"}
 
 
 def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
-    """Return NAME.svg; its description says where the table stands in the map."""
+    """Return NAME.svg; its description gives the table's pose in the map."""
     import numpy as np
 
     rings = {part.name: _drawn(part.ring()) for part in solid.parts}
@@ -69,7 +69,7 @@ def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
 
 
 def _drawn(points: Floats) -> Floats:
-    """Return millimetres with y down, as SVG has it."""
+    """Return millimetres with y down, as SVG requires."""
     drawn: Floats = points * [1e3, -1e3]
     return drawn
 

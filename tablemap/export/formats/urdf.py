@@ -1,4 +1,4 @@
-"""URDF: one link in the table's frame; tops that are no primitive refer to a mesh beside it."""
+"""URDF: one link in the table's frame; a top that is no primitive refers to a mesh file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
-    """Return NAME.urdf, its meshes, and NAME.world.urdf, the same held by the map's link."""
+    """Return NAME.urdf, its meshes, and NAME.world.urdf with the table fixed to the map's link."""
     root = Element("robot", name=solid.name)
     _add_table(root, solid, config)
     world = Element("robot", name=f"{solid.name}_world")
@@ -62,7 +62,7 @@ def _add_origin(parent: Element, x: float, y: float, z: float, yaw: float) -> No
 
 
 def _link_name(solid: Solid) -> str:
-    # A link must not bear the name of the map's frame, whatever that is.
+    # The link must not have the same name as the map's frame.
     return solid.name if solid.name != solid.model.frame else f"{solid.name}_link"
 
 
