@@ -13,6 +13,7 @@ import pytest
 from PIL import Image
 
 import tablemap
+from tablemap.errors import WARNING_CODES
 from tablemap.model import TableModel
 from tablemap.review.viewer.catalog import served_catalog
 
@@ -106,3 +107,28 @@ def test_every_function_is_among_the_calls() -> None:
     """What is public is documented."""
     functions = {name for name in tablemap.__all__ if inspect.isfunction(getattr(tablemap, name))}
     assert functions <= set(re.findall(r"tablemap\.(\w+)", " ".join(CALLS)))
+
+
+def test_every_warning_code_has_its_line() -> None:
+    """Those that doubt the figures with what to do; all others as notes."""
+    text = README.read_text("utf-8")
+    doubts, notes = (
+        [
+            code
+            for row in text.split(heading)[1].split("\n## ")[0].split("\n### ")[0].splitlines()
+            if row.startswith("| `")
+            for code in re.findall(r"`([\w.]+)`", row.split("|")[1])
+        ]
+        for heading in ("## My run is doubtful, what now", "### Notes")
+    )
+    doubting = [code for code in WARNING_CODES if code.startswith("accuracy.")]
+    assert sorted(doubts) == sorted(doubting)
+    assert sorted(notes) == sorted(WARNING_CODES.keys() - set(doubting))
+
+
+def test_every_link_within_the_page_has_its_heading() -> None:
+    """As GitHub and PyPI make anchors of headings."""
+    text = README.read_text("utf-8")
+    headings = re.findall(r"^#+ (.+)$", text, flags=re.M)
+    anchors = {re.sub(r"[^\w -]", "", each.lower()).replace(" ", "-") for each in headings}
+    assert set(re.findall(r"\]\(#([^)]+)\)", text)) <= anchors
