@@ -111,9 +111,15 @@ def print_model(model: TableModel, run: Path, *, console: Console) -> None:
     for note in notes(model):
         table.add_row("note", note)
     console.print(table)
-    console.print(f"\nrun      {run}", soft_wrap=True)
-    console.print(f"open it  tablemap view {run}", soft_wrap=True)
+    console.print()
+    print_left(run, console=console)
     if model.verdict.level != "good":
         console.print(f"\n{model.verdict.level} because:")
         for doubt in doubts(model):
             console.print(f"  {doubt}", soft_wrap=True)
+
+
+def print_left(run: Path, *, console: Console) -> None:
+    """Print which folder a run left, with a model or without, and how to look at it."""
+    console.print(f"run      {run}", soft_wrap=True)
+    console.print(f"open it  tablemap view {run}", soft_wrap=True)

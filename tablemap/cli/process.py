@@ -18,6 +18,7 @@ from tablemap.cli.printing import (
     exit_code,
     outcome_line,
     outcome_rows,
+    print_left,
     print_model,
     stderr_console,
 )
@@ -121,6 +122,8 @@ def process(
             typer.echo(json.dumps(outcome_line(outcome)))
         elif outcome.error and outcome.status == "failed":
             typer.echo(f"tablemap: {outcome.error}", err=True)
+            if outcome.run and outcome.run.manifest.timings and not quiet and len(paths) == 1:
+                print_left(outcome.run.path, console=Console(highlight=False))
         if outcome.model and outcome.run and not quiet and len(paths) == 1:
             console = stderr_console() if as_json else Console(highlight=False)
             print_model(outcome.model, outcome.run.path, console=console)
@@ -232,16 +235,21 @@ def process_one(
 ) -> Outcome:
     """Run what is given with a progress bar that names the stage."""
     from tablemap.events import StageStarted, ignore
+    from tablemap.runs.running import InterruptedRun
 
     if quiet:
         return process_to(ignore)
-    with _progress(path.name) as advance:
+    try:
+        with _progress(path.name) as advance:
 
-        def progress(event: object) -> None:
-            if isinstance(event, StageStarted):
-                advance(event.name, event.index)
+            def progress(event: object) -> None:
+                if isinstance(event, StageStarted):
+                    advance(event.name, event.index)
 
-        return process_to(progress)
+            return process_to(progress)
+    except InterruptedRun as stop:
+        print_left(stop.run, console=stderr_console())
+        raise
 
 
 @contextmanager

@@ -43,6 +43,14 @@ class Outcome:
     model: TableModel | None
 
 
+class InterruptedRun(KeyboardInterrupt):
+    """An interruption of a run whose folder, ``run``, keeps what was done by then."""
+
+    def __init__(self, run: Path) -> None:
+        super().__init__(str(run))
+        self.run = run
+
+
 def run(
     recording: AnyInput,
     *,
@@ -118,9 +126,9 @@ def run(
                 folder.update(recording=entry)
             _leave(folder, page, stages, "failed", str(error))
             return Outcome(recording, folder, "failed", str(error), None)
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as stop:
             _leave(folder, page, stages, "interrupted", f"interrupted during {stages.current}")
-            raise
+            raise InterruptedRun(folder.path) from stop
         except BaseException as error:
             _leave(folder, page, stages, "failed", f"{type(error).__name__}: {error}")
             raise

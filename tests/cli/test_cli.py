@@ -176,6 +176,8 @@ def test_an_interrupted_run_says_so(
     _, errors = running.communicate(timeout=120)
     assert running.returncode == code, errors
     assert "Traceback" not in errors
+    (said,) = [line for line in errors.splitlines() if line.startswith("open it")]
+    assert "tablemap view" in said
     (folder,) = (path for path in (tmp_path / "demo").iterdir() if path.name != "latest")
     assert json.loads((folder / "manifest.json").read_text())["status"] == "interrupted"
     assert (folder / "run.rrd").stat().st_size > 0

@@ -12,6 +12,7 @@ from tablemap.cli.options import Json
 from tablemap.cli.printing import (
     exit_code,
     outcome_line,
+    print_left,
     print_model,
     stderr_console,
 )
@@ -54,6 +55,8 @@ def reprocess(
         typer.echo(json.dumps(outcome_line(outcome)))
     elif outcome.status == "failed":
         typer.echo(f"tablemap: {outcome.error}", err=True)
+        if outcome.run and not quiet:
+            print_left(outcome.run.path, console=Console(highlight=False))
     if outcome.model and outcome.run and not quiet:
         console = stderr_console() if as_json else Console(highlight=False)
         print_model(outcome.model, outcome.run.path, console=console)

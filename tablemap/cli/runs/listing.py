@@ -81,11 +81,14 @@ def list_(
 
 
 def _run_rows(rows: Sequence[RunRow]) -> Iterator[tuple[str, ...]]:
-    yield ("started", "status", "verdict", "shape", "size", "height", "run")
+    failed = any(row.error for row in rows)
+    header = ("started", "status", "verdict", "shape", "size", "height", "run")
+    yield (*header, "error") if failed else header
     for row in rows:
         size, height = size_text(row.shape, row.figures), metres_text(row.figures.get("height"))
         begun = row.started[:19].replace("T", " ")
-        yield (begun, row.status, row.verdict or "", row.shape or "", size, height, row.path)
+        cells = (begun, row.status, row.verdict or "", row.shape or "", size, height, row.path)
+        yield (*cells, " ".join((row.error or "").split())) if failed else cells
 
 
 def _print_csv(rows: Sequence[RunRow]) -> None:
