@@ -97,7 +97,7 @@ class Pairs:
             sequence = self._sequences[key]
             _log_clouds(stream, key, sequence, cell_from_map @ poses[key[1]], cell, reach, tint)
             places.append((cell[0], cell[1] - reach, 0.0))
-            rmse = f": {1000 * pair.rmse:.1f} mm" if pair and len(keys) <= FEW_PAIRS else ""
+            rmse = f": rmse {1000 * pair.rmse:.1f} mm" if pair and len(keys) <= FEW_PAIRS else ""
             labels.append(f"{key[0]} to {key[1]}{rmse}")
             tints.append(tint)
         stream.log(

@@ -67,7 +67,7 @@ def _log_solids(
 ) -> None:
     bottom = model.floor_z + model.surface.height.value - thickness
     _log_top(stream, "model/top", outline, bottom=bottom, thickness=thickness, tint=tint)
-    for index, leg in enumerate(model.legs):
+    for index, leg in enumerate(model.legs, start=1):
         _log_leg(stream, f"model/legs/{index:02d}", leg, model.floor_z, bottom)
 
 

@@ -69,7 +69,7 @@ def model(result: TableModel, *, magnified: tuple[float, float]) -> str:
                         " x ".join(f"{1000 * one.value:.0f}" for one in leg.dimensions.values()),
                         leg.status,
                     )
-                    for k, leg in enumerate(result.legs)
+                    for k, leg in enumerate(result.legs, start=1)
                 ],
             )
         )
@@ -122,5 +122,13 @@ def no_other_model(number: int, message: str) -> str:
 
 
 def running(recording: str) -> str:
-    """Return the summary of a run that has not ended: what a crash leaves behind."""
-    return f"# Running\n\n`{recording}`: the run has not ended, or was killed. No model yet.\n"
+    """Return the summary before the first stage has ended."""
+    return f"# Opening\n\n`{recording}` is being opened, or the run ended here.\n"
+
+
+def so_far(stage: str, told: str) -> str:
+    """Return the summary after a stage: its own result, and that there is no model yet.
+
+    A run that is killed leaves the last of these behind.
+    """
+    return f"# After {stage}: no model yet\n\n{told}\n"

@@ -31,7 +31,7 @@ def log_legs(stream: Stream, legs: Legs) -> None:
                 radii=rr.Radius.ui_points(1.5),
             ),
         )
-    for index, leg in enumerate(legs.legs):
+    for index, leg in enumerate(legs.legs, start=1):
         _log_leg(stream, index, leg, height)
     _log_rejected(stream, legs.rejected, height)
 

@@ -17,6 +17,7 @@ from tablemap.stages.odometry import Odometry
 from tablemap.stages.outline import EdgeKind, Outline
 from tablemap.stages.registration import Pair, Registration, StopCheck
 from tablemap.stages.segmentation import Segmentation, TableCandidate
+from tablemap.stages.snapshots import Snapshots
 from tablemap.stages.surface import Surface
 
 LEGEND = (
@@ -26,6 +27,30 @@ LEGEND = (
     "their 95 % bands, in the middle (blue) the place's, magnified as the summary says."
 )
 SAME_PLACE_M = 0.02
+CLUTTER_MM = 30.0
+"""Edge points this far from the fitted outline are of something else."""
+
+
+def snapshots(result: Snapshots) -> str:
+    """Return where the robot stood, and what became no snapshot."""
+    rows = [
+        (
+            one.index,
+            f"{one.map_from_base.x:.2f}, {one.map_from_base.y:.2f}",
+            f"{np.degrees(one.map_from_base.yaw):.0f}°",
+            one.images,
+        )
+        for one in result.snapshots[:MOST_ROWS]
+    ]
+    aside = Counter((one.what, one.reason) for one in result.set_aside)
+    return "\n".join(
+        [
+            f"## {len(result.snapshots)} snapshots",
+            table(("snapshot", "x, y as localised", "heading", "images"), rows),
+            "",
+            *[f"- {count} {what} set aside: {why}" for (what, why), count in aside.most_common(9)],
+        ]
+    )
 
 
 def calibration(result: Calibration) -> str:
@@ -94,7 +119,10 @@ def segmentation(result: Segmentation) -> str:
     ]
     return "\n".join(
         [
-            f"## Top at {metres(result.height, result.height_sigma)}",
+            "## Candidate tables",
+            f"The chosen top lies at {result.height:.3f} m as the views' planes have it. The "
+            "summary has the model's height, which edges and depth scale have corrected.",
+            "",
             candidates(result.candidates),
             "",
             table(("view", "sees it", "top pixels", "height", "reason"), views),
@@ -158,9 +186,11 @@ def registration(result: Registration) -> str:
             f"{one.source} to {one.target}",
             one.kind,
             f"{1000 * pair_residual(result, one):.1f}",
-            f"{one.fitness:.2f}",
-            f"{1000 * one.rmse:.1f}",
-            one.inliers,
+            *(
+                ("", "", "")  # the way between two stops is no alignment of clouds
+                if one.kind == "odometry"
+                else (f"{one.fitness:.2f}", f"{1000 * one.rmse:.1f}", one.inliers)
+            ),
             "used" if one.used else "dropped",
         )
         for one in ordered[:MOST_ROWS]
@@ -175,11 +205,10 @@ def registration(result: Registration) -> str:
             f"{sum(result.used)} of {len(result.used)} used; systematic sigma "
             f"{1000 * result.systematic:.1f} mm. Pairs: {said or 'none'}. Lines and stops of the "
             "graph: green where the registered poses agree with the pairs, amber at 10 mm, red "
-            "from 20 mm on; grey: dropped.",
+            "from 20 mm on; grey: dropped. *Off by* is how far the registered poses lie from what "
+            "the pair measured, *rmse* how far the points of its two clouds lie from each other.",
             "",
-            table(
-                ("pair", "kind", "residual mm", "fitness", "rmse mm", "inliers", "result"), pairs
-            ),
+            table(("pair", "kind", "off by mm", "fitness", "rmse mm", "inliers", "result"), pairs),
             "",
             *[
                 f"- {one.source} to {one.target} was dropped: {one.reason}"
@@ -226,7 +255,8 @@ def outline(result: Outline) -> str:
     header = ("view", *[kind.name.lower() for kind in EdgeKind])
     return "\n".join(
         [
-            f"## Edges at {metres(result.height, result.height_sigma)}",
+            "## Edges by view",
+            f"They lie in the plane at {result.height:.3f} m: before the fit, which corrects it. "
             f"Thickness {thickness}. {LEGEND}",
             "",
             table(header, rows),
@@ -259,12 +289,14 @@ def surface(result: Surface) -> str:
         for k, one in enumerate(result.edges[:MOST_ROWS])
     ]
     finite = 1000 * result.residuals[np.isfinite(result.residuals)]
-    median, most = np.percentile(np.abs(finite), [50, 95]) if len(finite) else (np.nan, np.nan)
+    near = np.abs(finite[np.abs(finite) < CLUTTER_MM])
+    median, most = np.percentile(near, [50, 95]) if len(near) else (np.nan, np.nan)
     return "\n".join(
         [
             f"## {result.shape.capitalize()}",
-            f"Residuals of {len(finite)} edge points: half are within {median:.1f} mm, "
-            f"95 % within {most:.1f} mm.",
+            f"Residuals of {len(near)} edge points: half are within {median:.1f} mm, "
+            f"95 % within {most:.1f} mm. {len(finite) - len(near)} more are {CLUTTER_MM:.0f} mm or "
+            "further away: clutter, not the table's edge.",
             "",
             table(("shape", "weight", "cost", "inliers", "dimensions"), candidates),
             "",
@@ -286,7 +318,7 @@ def legs(result: Legs) -> str:
             one.status,
             one.views,
         )
-        for k, one in enumerate(result.legs)
+        for k, one in enumerate(result.legs, start=1)
     ]
     rejected = [
         f"- at {one.x:.2f}, {one.y:.2f} ({len(one.points)} points): {one.reason}"

@@ -88,7 +88,7 @@ class TopDrawing:
             scene.centre, scene.yaw = (surface.pose.x, surface.pose.y), surface.pose.yaw
             away = surface.outline - np.array(scene.centre)
             scene.extent = float(max(np.linalg.norm(away, axis=1).max(), 0.2))
-        height = surface.height.value + LIFT
+        height = scene.height + LIFT
         stream.hold()
         stream.text("surface/summary", text.surface(surface))
         if len(surface.hull) > 2:

@@ -131,7 +131,7 @@ def _model(model: TableModel, name: str, surface: Surface | None) -> Iterable[st
                     ),
                     leg.status,
                 )
-                for k, leg in enumerate(model.legs)
+                for k, leg in enumerate(model.legs, start=1)
             ],
         )
     yield "<h2>Stops</h2>"

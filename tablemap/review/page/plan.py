@@ -52,7 +52,7 @@ def plan(model: TableModel) -> str:
         return np.asarray((points - [low[0], high[1]]) * [scale, -scale])
 
     parts = [f'<polygon points="{_points(pixels(outline))}" fill="#f0e4d2"/>']
-    for k, leg in enumerate(model.legs):
+    for k, leg in enumerate(model.legs, start=1):
         parts.append(_leg(leg, k, pose, pixels, scale))
     sides = []
     for edge in surface.edges:

@@ -1,0 +1,107 @@
+"""A figure is the same wherever it appears: terminal, page and review."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from rerun.chunk import RrdReader
+
+from tablemap.model import TableModel
+from tablemap.model.summary import summary_rows
+from tablemap.review import story, text
+from tablemap.review.markdown import metres
+from tablemap.stages.legs import Legs
+from tablemap.stages.outline import Outline
+from tablemap.stages.registration import Registration
+from tablemap.stages.segmentation import Segmentation
+from tests.making import made_up_run as made_up
+from tests.review.test_review_file import columns, write
+from tests.review.test_review_page import page
+
+SIGMA = re.compile(r"height[^\n]*?([0-9.]+) m (?:±|\+-) ([0-9.]+) mm")
+
+
+@pytest.fixture(scope="module")
+def run() -> list[object]:
+    """All results of a made-up run."""
+    return made_up.results(stops=8)
+
+
+@pytest.fixture(scope="module")
+def review(run: list[object], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Their review."""
+    return write(tmp_path_factory.mktemp("numbers") / "run.rrd", run)
+
+
+@pytest.fixture(scope="module")
+def model(run: list[object]) -> TableModel:
+    """The chosen table."""
+    return next(one for one in run if isinstance(one, TableModel))
+
+
+def the(kind: type, run: list[object]) -> object:
+    """The last result of a kind."""
+    return [one for one in run if isinstance(one, kind)][-1]
+
+
+def test_the_height_has_one_sigma(run: list[object], review: Path, model: TableModel) -> None:
+    """Summary, dimension line, page and terminal give the model's; the stages' pages give none."""
+    assert model.surface.height.sigma is not None
+    millimetres = f"{1000 * model.surface.height.sigma:.1f}"
+    labels = columns(review, "/model/dimensions", "LineStrips3D:labels")[-1]
+    said = [
+        "\n".join(f"{name} {value}" for name, value in summary_rows(model)),
+        re.sub(r"<[^>]+>", " ", page(run)),
+        "\n".join(map(str, labels)),
+        story.model(model, magnified=(1.0, 1.0)).replace("|", " "),
+    ]
+    for words in said:
+        assert {sigma for _, sigma in SIGMA.findall(words)} == {millimetres}
+    segmentation, outline = the(Segmentation, run), the(Outline, run)
+    assert isinstance(segmentation, Segmentation)
+    assert isinstance(outline, Outline)
+    for words in (text.segmentation(segmentation), text.outline(outline)):
+        assert metres(segmentation.height, segmentation.height_sigma) not in words
+        assert metres(outline.height, outline.height_sigma) not in words
+        assert f"{outline.height:.3f} m" in words
+
+
+def test_a_pair_s_figures_are_named(run: list[object], review: Path) -> None:
+    """Beside a pair's clouds stands the rmse of its row; odometry has no clouds, so no figures."""
+    registration = the(Registration, run)
+    assert isinstance(registration, Registration)
+    rows = {
+        cells[0]: cells
+        for line in text.registration(registration).splitlines()
+        if (cells := [one.strip() for one in line.strip("|").split("|")]) and len(cells) == 7
+    }
+    labels = columns(review, "/registration/pairs/names", "Points3D:labels")[-1]
+    assert len(labels) > 5
+    for label in map(str, labels):
+        name, figure = label.split(": rmse ")
+        assert figure == f"{rows[name][4]} mm"
+    for pair in registration.pairs:
+        name = f"{pair.source} to {pair.target}"
+        if pair.kind == "odometry" and name in rows:
+            assert rows[name][3:6] == ["", "", ""]
+
+
+def test_legs_have_one_number(run: list[object], review: Path, model: TableModel) -> None:
+    """Entities, labels, the stage's text, the summary and the page count them from one."""
+    legs = the(Legs, run)
+    assert isinstance(legs, Legs)
+    numbers = list(range(1, len(model.legs) + 1))
+    found = {chunk.entity_path for chunk in RrdReader(review).stream()}
+    for path in ("/legs/{:02d}/fit", "/model/legs/{:02d}"):
+        there = {path.format(number) for number in range(len(model.legs) + 5)} & found
+        assert there == {path.format(number) for number in numbers}
+    for number in numbers:
+        labels = columns(review, f"/legs/{number:02d}/fit", "LineStrips3D:labels")[-1]
+        assert str(labels[0]).startswith(f"leg {number}:")
+    html = page(run)
+    assert [int(one) for one in re.findall(r"<title>leg (\d+):", html)] == numbers
+    for words in (text.legs(legs), story.model(model, magnified=(1.0, 1.0))):
+        rows = re.findall(r"^\| (\d+) (?:circle|rectangle)", words, flags=re.MULTILINE)
+        assert [int(one) for one in rows] == numbers
