@@ -73,6 +73,7 @@ def _overview(scene: DrawnScene) -> rrb.Container:
         "/registration/bases" if len(scene.localised) <= FEW_STOPS else "/registration/stops",
         "/registration/after/scan/**",
         "/trajectory/registered",
+        "/story/**",
     ]
     for number in scene.tables:
         shown += [f"/tables/{number:02d}/model/{part}/**" for part in ("top", "legs")]

@@ -19,6 +19,7 @@ def log_started(stream: Stream, started: StageStarted) -> None:
     """Begin a stage: rows from here on belong to it (stage 0 is the opening of the recording)."""
     stream.stage = started.index + 1
     stream.scene.stages.append((started.name, None))
+    stream.scene.told = ""
     stream.hold()
     stream.log_flat("log", rr.TextLog(f"{started.name} begins", level="DEBUG"))
 
@@ -33,6 +34,7 @@ def log_finished(stream: Stream, finished: StageFinished) -> None:
     stream.hold()
     message = f"{finished.name} ends after {finished.seconds:.2f} s"
     stream.log_flat("log", rr.TextLog(message, level="DEBUG"))
+    stream.text("summary", story.so_far(finished.name, stream.scene.told))
     stream.text("timing/summary", text.timings(stages))
     _log_bars(stream, [(name, seconds) for name, seconds in stages if seconds is not None])
     stream.flush()

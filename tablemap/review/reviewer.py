@@ -24,6 +24,7 @@ from tablemap.review.projection import Projection
 from tablemap.review.solid import log_model
 from tablemap.review.stream import Stream
 from tablemap.review.tables import Tables
+from tablemap.review.telling import Telling
 from tablemap.review.top import TopDrawing
 from tablemap.stages.calibration import Calibration
 from tablemap.stages.crosscheck import CrossCheck
@@ -58,12 +59,22 @@ class Reviewer:
             Alignment(),
             TopDrawing(),
         )
-        projection = Projection()
+        projection, telling = Projection(), Telling()
+
+        def draw_snapshots(stream: Stream, taken: Snapshots) -> None:
+            sensors.log_snapshots(stream, taken)
+            telling.log_stops(stream, taken)
+
+        def draw_surface(stream: Stream, surface: Surface) -> None:
+            top.log_surface(stream, surface)
+            telling.log_top(stream, surface)
+
         tables = Tables()
 
         def draw_registration(stream: Stream, registration: Registration) -> None:
             top.take_poses(registration.map_from_base)
             projection.take_used(registration.used)
+            telling.take_poses(registration.map_from_base)
             tables.take_poses(registration.map_from_base)
             alignment.log_registration(stream, registration)
 
@@ -73,17 +84,21 @@ class Reviewer:
 
         def draw_segmentation(stream: Stream, segmentation: Segmentation) -> None:
             perception.log_segmentation(stream, segmentation)
+            telling.log_candidates(stream, segmentation)
             seen = {v.index: v.top_pixels for v in segmentation.views if v.sees_table}
             projection.bring_to_front(stream, seen)
 
         def draw_outline(stream: Stream, outline: Outline) -> None:
             top.log_outline(stream, outline)
+            telling.log_edges(stream, outline)
             seen = {v.index: int(np.sum(v.kind == EdgeKind.TABLE)) for v in outline.views}
             projection.bring_to_front(stream, seen)
             projection.log_edges(stream, outline)
 
         def draw_model(stream: Stream, model: TableModel) -> None:
             log_model(stream, model)
+            if stream.config.level != "off":
+                telling.end(stream)
             projection.log_model(stream, model)
 
         def draw_failure(stream: Stream, failed: RunFailed) -> None:
@@ -96,7 +111,7 @@ class Reviewer:
             StageFinished: progress.log_finished,
             RunFailed: draw_failure,
             ProcessWarning: progress.log_warning,
-            Snapshots: sensors.log_snapshots,
+            Snapshots: draw_snapshots,
             SetAside: sensors.log_set_aside,
             Calibration: draw_calibration,
             TablesFound: perception.log_tables_found,
@@ -109,7 +124,7 @@ class Reviewer:
             PairIteration: alignment.pairs.step,
             Registration: draw_registration,
             Outline: draw_outline,
-            Surface: top.log_surface,
+            Surface: draw_surface,
             CrossCheck: log_cross_check,
             Legs: supports.log_legs,
             TableModel: draw_model,

@@ -18,6 +18,7 @@ TIMELINES = {
 ENTITIES = {
     "/": "ViewCoordinates: right-handed, z up; metres",
     "/summary": "TextDocument: verdict and figures; or why there is no model",
+    "/story/*": "by stage what there was before a model: stops, candidates, edges, top; then empty",
     "/log": "TextLog: warnings and what was set aside, at the time that they concern",
     "/tf/*": "Transform3D between named frames, over sensor_time: odom, base, camera as recorded",
     "/robot/heading": "Arrows3D in the base frame",

@@ -8,7 +8,7 @@ import rerun as rr
 from tablemap.geometry import Floats, invert, transform
 from tablemap.recording import FrameNames, Recording
 from tablemap.recording.messages import Image, LaserScan
-from tablemap.review import colours
+from tablemap.review import colours, text
 from tablemap.review.clouds import raised
 from tablemap.review.images import colour_archetype, colour_size, depth_archetype
 from tablemap.review.stream import Stream, sensor_times
@@ -86,6 +86,7 @@ def log_snapshots(stream: Stream, taken: Snapshots) -> None:
         log_snapshot(stream, snapshot)
     for one in taken.set_aside:
         log_set_aside(stream, one)
+    stream.scene.told = text.snapshots(taken)
 
 
 def log_snapshot(stream: Stream, snapshot: Snapshot) -> None:

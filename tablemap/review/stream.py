@@ -39,7 +39,8 @@ class DrawnScene:
     table's place, size and heading as far as known; ``stages`` holds name and seconds (None while
     it runs); ``tables`` what is known of those beside the chosen one, ``pairs_reach`` (metres) how
     far the grid of aligned pairs extends. ``best`` is the snapshot that shows most of the table,
-    ``colour_fits`` whether the colour images show what the depth images do, pixel by pixel.
+    ``colour_fits`` whether the colour images show what the depth images do, pixel by pixel;
+    ``told`` is what the current stage said of its result.
     """
 
     names: FrameNames | None = None
@@ -60,6 +61,7 @@ class DrawnScene:
     has_colour: bool = False
     colour_fits: bool = True
     best: int | None = None
+    told: str = ""
     stages: list[tuple[str, float | None]] = field(default_factory=list)
     reached: set[str] = field(default_factory=set)
     failed: bool = False
@@ -171,7 +173,10 @@ class Stream:
             self.flush()
 
     def text(self, path: str, markdown: str) -> None:
-        """Log a page of markdown."""
+        """Log a page of markdown; one about a stage's result is kept for the stage's summary."""
+        told = not self._below and path != "summary"
+        if told and not path.startswith(("timing/", "registration/pairs/")):
+            self.scene.told = markdown
         self.log_flat(path, rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN))
 
     def transform(self, path: str, parent: str, child: str, pose: Floats) -> None:

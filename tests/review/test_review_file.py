@@ -14,6 +14,7 @@ from rerun.chunk import RrdReader
 from tablemap.config import ReviewConfig
 from tablemap.errors import TablemapError
 from tablemap.events import RunFailed
+from tablemap.pipeline import STAGES
 from tablemap.recording.messages import CompressedImage, Image
 from tablemap.review import Reviewer
 from tablemap.review.images import colour_archetype, depth_archetype, encode_depth
@@ -399,3 +400,44 @@ def test_unknown_colour_is_left_out() -> None:
     assert colour_archetype(Image(1, "camera", 2, 2, "rgb8", False, 6, bytes(5))) is None
     assert colour_archetype(CompressedImage(1, "camera", "webp", b"RIFF")) is None
     assert colour_archetype(Image(1, "camera", 2, 2, "rgb8", False, 6, bytes(12))) is not None
+
+
+def test_each_stage_tells_its_result(review: Path) -> None:
+    """Over ``stage`` the summary is that stage's own text, and at the end the model's."""
+    told: dict[int, str] = {}
+    for chunk in RrdReader(review).stream():
+        if chunk.entity_path == "/summary":
+            batch = chunk.to_record_batch().to_pydict()
+            pages = [one[0] for one in batch["TextDocument:text"]]
+            told |= dict(zip(batch["stage"], pages, strict=True))
+    assert sorted(told) == list(range(len(STAGES) + 1))
+    for number, (name, words) in enumerate(
+        [
+            ("snapshots", f"{STOPS} snapshots"),
+            ("calibration", "depth scale"),
+            ("segmentation", "Candidate tables"),
+            ("odometry", "scans used"),
+            ("registration", "Stops registered by"),
+            ("outline", "Edges by view"),
+            ("surface", "Residuals of"),
+            ("legs", "4 legs"),
+        ],
+        start=1,
+    ):
+        assert f"After {name}" in told[number]
+        assert words in told[number]
+    assert "doubtful" in told[len(STAGES)]
+    assert not any("killed" in one for one in told.values())
+
+
+def test_the_first_findings_give_way_to_the_model(review: Path) -> None:
+    """Stops, candidates, edges and top are drawn at their stages and empty with the model."""
+    for path, stage in (("stops", 1), ("candidates", 3), ("edges", 6), ("top", 7)):
+        sizes: dict[int, int] = {}
+        for chunk in RrdReader(review).stream():
+            if chunk.entity_path == f"/story/{path}" and "stage" in chunk.timeline_names:
+                batch = chunk.to_record_batch().to_pydict()
+                (name,) = [one for one in batch if re.search(r":(vectors|strips|positions)$", one)]
+                sizes |= {s: len(v) for s, v in zip(batch["stage"], batch[name], strict=True)}
+        assert sizes[stage] > 0
+        assert sizes[len(STAGES)] == 0
