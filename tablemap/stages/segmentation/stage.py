@@ -13,7 +13,7 @@ from tablemap.stages.segmentation.candidates import STRIDE_PX, rank_tables
 from tablemap.stages.segmentation.height import Height, Plane, joint_height
 from tablemap.stages.segmentation.labelling import label_view
 from tablemap.stages.segmentation.result import Segmentation, TableCandidate, TablesFound
-from tablemap.stages.segmentation.views import look
+from tablemap.stages.segmentation.views import SampledView, look
 from tablemap.stages.snapshots import Snapshot
 
 _TIE = 0.7  # of the best candidate's weight: a warning names others with at least this share
@@ -35,18 +35,51 @@ def segment(
     place, or no view that sees it.
     """
     coarse = [look(s, stride=STRIDE_PX) for s in snapshots]
-    if candidate is None:
-        candidates = rank_tables(coarse, config)
-        record(TablesFound(candidates))
-        chosen, warnings = _choose(candidates, near, config)
-    else:
-        candidates, chosen, warnings = (candidate,), candidate, []
+    if candidate is not None:
+        return _labelled(coarse, (candidate,), candidate, [], config, sensors)
+    candidates = rank_tables(coarse, config)
+    record(TablesFound(candidates))
+    chosen, warnings = _choose(candidates, near, config)
+    try:
+        return _labelled(coarse, candidates, chosen, warnings, config, sensors)
+    except EstimationError as failure:
+        if near is not None:
+            raise
+        for other in candidates:
+            if other is chosen:
+                continue
+            second = ProcessWarning(
+                "accuracy.second_choice",
+                "segmentation",
+                f"the surface at {_place(chosen)}, {chosen.height:.2f} m high, was the first "
+                f"choice and gave no table ({failure}); the one at {_place(other)}, "
+                f"{other.height:.2f} m high, was taken",
+            )
+            try:
+                return _labelled(coarse, candidates, other, [second], config, sensors)
+            except EstimationError:
+                continue
+        places = ", ".join(
+            f"--near {c.x:.2f} {c.y:.2f} ({c.height:.2f} m high)" for c in candidates
+        )
+        raise EstimationError(f"{failure}; nor did any other candidate: {places}") from failure
+
+
+def _labelled(
+    coarse: list[SampledView],
+    candidates: tuple[TableCandidate, ...],
+    chosen: TableCandidate,
+    warnings: list[ProcessWarning],
+    config: SegmentationConfig,
+    sensors: SensorsConfig,
+) -> Segmentation:
+    """Label every view, given the table. Raises `EstimationError` where no view sees it."""
     candidates = tuple(replace(c, chosen=c is chosen) for c in candidates)
     height = joint_height(coarse, chosen, config, sensors)
     if height is None:
         raise EstimationError(
             f"Expected a table top of {chosen.height:.2f} m height at {_place(chosen)} in the map, "
-            f"but none of {len(snapshots)} views shows enough of it"
+            f"but none of {len(coarse)} views shows enough of it"
         )
     views = [
         label_view(
@@ -85,8 +118,11 @@ def segment_again(
     """
     chosen = next(candidate for candidate in first.candidates if candidate.chosen)
     again = segment(snapshots, config=config, sensors=sensors, candidate=chosen)
-    ties = [w for w in first.warnings if w.code == "segmentation.table_tie"]
-    return replace(again, candidates=first.candidates, warnings=(*ties, *again.warnings))
+    kept = [w for w in first.warnings if w.code in _OF_THE_CHOICE]
+    return replace(again, candidates=first.candidates, warnings=(*kept, *again.warnings))
+
+
+_OF_THE_CHOICE = ("segmentation.table_tie", "accuracy.second_choice")
 
 
 def _place(candidate: TableCandidate) -> str:

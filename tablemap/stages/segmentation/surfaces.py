@@ -23,7 +23,8 @@ MERGE_HEIGHT = 0.04
 """Largest difference, metres, of one surface's heights between patches and between views."""
 
 _TOLERANCE = 0.015  # metres round a surface's height, at least
-_LEAST_AREA = 0.012  # square metres
+_LEAST_AREA, _LEAST_COARSE_AREA = 0.012, 0.03
+"""Square metres of a surface in one view; of depth in coarse steps, smaller ones are rims."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,11 +64,12 @@ def find_patches(view: SampledView, config: SegmentationConfig) -> list[Patch]:
             & (np.hypot(view.points[..., 0], view.points[..., 1]) < FARTHEST_M)
         )
     band = tolerance(view.sigma, _TOLERANCE)
+    least = _LEAST_COARSE_AREA if view.is_coarse else _LEAST_AREA
     patches: list[Patch] = []
     masks: list[NDArray[np.bool_]] = []
     left = candidate.copy()
     for _ in range(MOST_LEVELS):
-        level = _fullest_level(z[left], view.area[left], config)
+        level = _fullest_level(z[left], view.area[left], least, config)
         if level is None:
             break
         with np.errstate(invalid="ignore"):
@@ -75,13 +77,15 @@ def find_patches(view: SampledView, config: SegmentationConfig) -> list[Patch]:
         near = left & in_band
         left &= ~near
         # Normals are poor near edges, and between things on a top all pixels may be near edges. So
-        # pixels at its height that border on the surface are part of it.
-        near = in_band & (ndimage.maximum_filter(near.view(np.uint8), _RIM_PX) > 0)
+        # pixels at its height that border on the surface are part of it. If depth comes in coarse
+        # steps, the band is as wide as a side face is high: then they are not.
+        if not view.is_coarse:
+            near = in_band & (ndimage.maximum_filter(near.view(np.uint8), _RIM_PX) > 0)
         labels, count = ndimage.label(ndimage.binary_opening(near, np.ones((3, 3))))
         if count == 0:
             continue
         areas = ndimage.sum_labels(view.area, labels, np.arange(1, count + 1))
-        for k in np.flatnonzero(areas >= _LEAST_AREA):
+        for k in np.flatnonzero(areas >= least):
             masks.append(labels == k + 1)
             patches.append(_describe(view, masks[-1], float(areas[k]), len(patches)))
     return _told_apart(view, patches, masks)
@@ -111,7 +115,10 @@ def _told_apart(
 
 
 def _fullest_level(
-    heights: NDArray[np.float32], areas: NDArray[np.float32], config: SegmentationConfig
+    heights: NDArray[np.float32],
+    areas: NDArray[np.float32],
+    least: float,
+    config: SegmentationConfig,
 ) -> float | None:
     """Return the height with most area within 2 cm, or None if that is too little."""
     if heights.size == 0:
@@ -121,7 +128,7 @@ def _fullest_level(
     histogram = np.bincount(index, weights=areas, minlength=bins)
     smooth = np.convolve(histogram, np.ones(5), mode="same")
     best = int(np.argmax(smooth))
-    if smooth[best] < _LEAST_AREA:
+    if smooth[best] < least:
         return None
     around = slice(max(best - 2, 0), best + 3)
     centres = config.lowest + (np.arange(bins)[around] + 0.5) * BIN_M

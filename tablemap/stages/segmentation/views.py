@@ -33,6 +33,7 @@ class SampledView:
     - ``sigma``: (h, w) metres, of the points' heights
     - ``upward``: (h, w), absolute vertical component of the normal
     - ``area``: (h, w) square metres that a pixel covers on a horizontal surface
+    - ``is_coarse``: whether its depth comes in coarse steps
     """
 
     snapshot: Snapshot
@@ -41,6 +42,7 @@ class SampledView:
     sigma: NDArray[np.float32]
     upward: NDArray[np.float32]
     area: NDArray[np.float32]
+    is_coarse: bool = False
 
 
 def look(snapshot: Snapshot, *, stride: int, coarser: SampledView | None = None) -> SampledView:
@@ -61,6 +63,7 @@ def look(snapshot: Snapshot, *, stride: int, coarser: SampledView | None = None)
         # Coarse depth steps need wide windows; fine noise does not.
         upward = upward_share(points, COARSE_WINDOW_PX if coarse else NORMAL_WINDOW_PX)
     else:
+        coarse = coarser.is_coarse
         times = coarser.stride // stride
         upward = np.repeat(np.repeat(coarser.upward, times, axis=0), times, axis=1)
         upward = upward[: depth.shape[0], : depth.shape[1]]
@@ -71,6 +74,7 @@ def look(snapshot: Snapshot, *, stride: int, coarser: SampledView | None = None)
         points=points,
         sigma=noise * steep,
         upward=upward,
+        is_coarse=coarse,
         area=(pixel / np.maximum(steep, 0.1)).astype(np.float32),
     )
 
