@@ -25,7 +25,7 @@ from tablemap.stages.outline import Outline, find_edges
 from tablemap.stages.registration import register
 from tablemap.stages.segmentation import Segmentation, TableCandidate, segment, segment_again
 from tablemap.stages.snapshots import take_snapshots
-from tablemap.stages.surface import Surface, fit_surface
+from tablemap.stages.surface import Mounting, Surface, fit_surface
 
 STAGES = (
     "snapshots",
@@ -154,8 +154,9 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
                 legs = stand(surface)
             record(legs)
 
-        # Camera against laser, by what both see. Where they disagree, what the camera saw is moved
-        # to where the laser asks it to be.
+        # Camera against laser, by what both see. The legs pin where the camera is in the base,
+        # which the edges leave open. Where edges alone show that the two disagree, what the camera
+        # saw is moved to where the laser asks it to be.
         with stage("crosscheck"):
             cross = cross_check(
                 outline,
@@ -167,7 +168,10 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
                 sensors=sensors,
             )
             record(cross)
-            if cross.is_found:
+            if cross.mounting is not None:
+                surface = fit(outline, record, cross.mounting)
+                legs = stand(surface)
+            elif cross.is_found:
                 outline = corrected(outline, cross)
                 surface = fit(outline, record)
                 legs = stand(surface)
@@ -189,9 +193,14 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
             )
         )
 
-    def fit(outline: Outline, record: Record) -> Surface:
+    def fit(outline: Outline, record: Record, mounting: Mounting | None = None) -> Surface:
         surface = fit_surface(
-            outline, registration, config=config.surface, sensors=sensors, seed=config.seed
+            outline,
+            registration,
+            config=config.surface,
+            sensors=sensors,
+            seed=config.seed,
+            mounting=mounting,
         )
         record(surface)
         return surface

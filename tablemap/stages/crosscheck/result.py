@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats
+from tablemap.stages.surface import Mounting
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +39,7 @@ class CrossCheck:
     - ``excess``: at least 1, the ratio of the errors found to the assumed sigmas of mounting and
       scale
     - ``sightings``: how many sightings of legs were compared
+    - ``mounting``: what these say of the camera, for the fit of the top
 
     A value that the views cannot determine is None.
     """
@@ -56,6 +58,7 @@ class CrossCheck:
     by_legs: Estimate | None = None
     excess: float = 1.0
     sightings: int = 0
+    mounting: Mounting | None = None
 
     @property
     def is_found(self) -> bool:

@@ -23,7 +23,7 @@ from tablemap.stages.legs import Leg
 from tablemap.stages.outline import Outline
 from tablemap.stages.registration import Registration
 from tablemap.stages.snapshots import Snapshot, turned_left
-from tablemap.stages.surface import Surface
+from tablemap.stages.surface import Mounting, Surface
 
 _LEAST_SIGHTINGS = 4  # fewest sightings of legs, over all views
 _LARGEST_SIGMA = 0.004  # metres at the table: a less certain estimate does not count
@@ -80,6 +80,7 @@ def cross_check(
 
     arms = _arms(rows)
     solution = solved(rows)
+    mounting = None if sighted is None else _mounting(solved(sighted), _arms(sighted), sensors)
     by_edges, by_legs = (
         None if part is None else Estimate(*arms.at_table(solved(part)))
         for part in (edges, sighted)
@@ -90,7 +91,7 @@ def cross_check(
     points = 0 if edges is None else len(edges)
     count = len(np.unique(rows.view))
     if sigma.max() > _LARGEST_SIGMA:
-        return _nothing(points, count, sightings)
+        return _nothing(points, count, sightings, mounting)
     size = float(np.hypot(*at_table))
     found = size > config.threshold and bool(
         (np.abs(at_table) > np.maximum(config.sigmas * sigma, 0.5 * config.threshold)).any()
@@ -113,7 +114,24 @@ def cross_check(
         by_legs=by_legs,
         excess=_excess(solution, sensors) if found else 1.0,
         sightings=sightings,
+        mounting=mounting,
     )
+
+
+def _mounting(by_legs: MountingSolution, arms: _Arms, sensors: SensorsConfig) -> Mounting:
+    """Take the loose prior out of what the legs say of the camera in the base."""
+    covariance = by_legs.covariance[:3, :3] + np.diag(_LEG_SYSTEMATIC**2)
+    posterior = np.linalg.inv(covariance)
+    information = posterior - np.diag(prior_sigmas(sensors)[:3] ** -2.0)
+    values, vectors = np.linalg.eigh((information + information.T) / 2)
+    return Mounting(
+        information=vectors @ np.diag(np.maximum(values, 0.0)) @ vectors.T,
+        estimate=posterior @ by_legs.asked[:3],
+        ahead=arms.ahead,
+    )
+
+
+_LEG_SYSTEMATIC = np.array([0.001, 0.001, 0.0005])  # metres, metres, radians: no residual tells it
 
 
 def _has_turned(snapshots: tuple[Snapshot, ...]) -> bool:
@@ -121,8 +139,12 @@ def _has_turned(snapshots: tuple[Snapshot, ...]) -> bool:
     return bool(mounts) and bool(turned_left(np.stack(mounts)).any())
 
 
-def _nothing(points: int, views: int, sightings: int) -> CrossCheck:
-    return CrossCheck(None, None, None, None, 0.0, points, views, (), sightings=sightings)
+def _nothing(
+    points: int, views: int, sightings: int, mounting: Mounting | None = None
+) -> CrossCheck:
+    return CrossCheck(
+        None, None, None, None, 0.0, points, views, (), sightings=sightings, mounting=mounting
+    )
 
 
 def _arms(rows: Rows) -> _Arms:

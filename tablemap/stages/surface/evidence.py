@@ -11,10 +11,9 @@ from tablemap.errors import EstimationError, ProcessWarning
 from tablemap.geometry import Bools, Floats, Ints, Pose2
 from tablemap.stages.outline import EdgeKind, Outline, ViewEdges
 from tablemap.stages.registration import Registration
-from tablemap.stages.surface.motion import CameraMotion, camera_motion
-from tablemap.stages.surface.nuisances import CommonNuisances
+from tablemap.stages.surface.motion import CameraMotion, Mounting, camera_motion
 from tablemap.stages.surface.priors import (
-    common_precision,
+    common_prior,
     corrections_root,
     pose_sigma,
     skew_sigma,
@@ -96,6 +95,7 @@ def gather(
     registration: Registration,
     config: SurfaceConfig,
     sensors: SensorsConfig,
+    mounting: Mounting | None = None,
 ) -> tuple[Evidence, tuple[ProcessWarning, ...]]:
     """Collect the evidence of all used views about the outline.
 
@@ -144,6 +144,7 @@ def gather(
     poses = poses - np.array([origin[0], origin[1], 0.0])
     top, free = _vote(views, poses, config)
     normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    mean, precision = common_prior(outline, registration, config, sensors, mounting)
     root, sources = corrections_root(views, poses, registration, outline.camera, sensors)
     evidence = Evidence(
         origin=origin,
@@ -165,8 +166,8 @@ def gather(
         spacing_px=_spacing(views, parts),
         points=place(in_base, index, poses),
         normals=turn(normal, poses[index, 2]),
-        common_mean=CommonNuisances().pack(),
-        common_precision=common_precision(outline, registration, config, sensors),
+        common_mean=mean,
+        common_precision=precision,
         pose_sigma=pose_sigma(registration),
         skew_sigma=skew_sigma(registration, poses),
     )

@@ -59,3 +59,18 @@ def camera_motion(lever: Floats, drop: Floats, axis: Floats, turn: Floats) -> Ca
         yaw=np.column_stack([-b, a]),
         focal=focal,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Mounting:
+    """What the legs say of the camera in the base: the laser has them, and the camera sees them.
+
+    information: (3, 3), inverse covariance of a shift forward and left (metres) and a yaw (radians)
+    estimate: (3,), information times these
+    ahead: metres from the camera to the legs; a focal length that is off by a share q stretches
+        their bearings as a shift of q times this would
+    """
+
+    information: Floats
+    estimate: Floats
+    ahead: float

@@ -9,6 +9,7 @@ from tablemap.geometry import Floats
 from tablemap.stages.calibration import TopBelief
 from tablemap.stages.outline import Outline, ViewEdges
 from tablemap.stages.registration import Registration
+from tablemap.stages.surface.motion import Mounting
 from tablemap.stages.surface.nuisances import CommonNuisances, ViewCorrections
 
 
@@ -25,16 +26,21 @@ def skew_sigma(registration: Registration, poses: Floats) -> float:
     return registration.systematic / max(float(np.hypot(*poses[:, :2].T).mean()), 0.1)
 
 
-def common_precision(
-    outline: Outline, registration: Registration, config: SurfaceConfig, sensors: SensorsConfig
-) -> Floats:
-    """Return the prior precision (c, c) of the nuisances that all views share.
+def common_prior(
+    outline: Outline,
+    registration: Registration,
+    config: SurfaceConfig,
+    sensors: SensorsConfig,
+    mounting: Mounting | None = None,
+) -> tuple[Floats, Floats]:
+    """Return the prior mean (c,) and precision (c, c) of the nuisances that all views share.
 
     The distance of the camera from the top, its roll and its pitch have the covariance that the
     calibration found. The registration's systematic error acts like a camera shifted in every base.
     A near edge belongs to the side face. A far edge ends where the flat top ends: at a bevelled or
     rounded rim this is millimetres inside. The image of the side face shows a large bevel, but not
-    a small rounding.
+    a small rounding. The legs, which laser and camera both see, tell where the camera is. The edges
+    cannot: a camera too far ahead looks like one that is nearer to the top.
     """
     camera = outline.camera
     unknown = sensors.calibrated_depth_scale_sigma_surface
@@ -65,7 +71,16 @@ def common_precision(
     if camera is not None:
         at = [CommonNuisances.place(name) for name in ("scale", "roll", "pitch")]
         covariance[np.ix_(at, at)] = camera.covariance[1:, 1:] + np.diag([1e-12] * 3)
-    return np.asarray(np.linalg.inv(covariance), dtype=np.float64)
+    precision: Floats = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
+    mean = CommonNuisances().pack()
+    if mounting is not None:
+        seen = np.zeros((3, CommonNuisances.COUNT))
+        for row, name in enumerate(("shift_x", "shift_y", "yaw")):
+            seen[row, CommonNuisances.place(name)] = 1.0
+        seen[0, CommonNuisances.place("focal")] = -mounting.ahead
+        precision = precision + seen.T @ mounting.information @ seen
+        mean = np.asarray(np.linalg.solve(precision, seen.T @ mounting.estimate), dtype=np.float64)
+    return mean, precision
 
 
 _TOP_SLOPE = np.deg2rad(0.1)  # sigma of the top's slope, after the calibration by floor and top

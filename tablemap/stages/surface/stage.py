@@ -18,6 +18,7 @@ from tablemap.stages.surface.choice import contradicting_cells, weights
 from tablemap.stages.surface.evidence import Evidence, gather
 from tablemap.stages.surface.inner import inner_edges
 from tablemap.stages.surface.joint import JointFit, corrected_poses
+from tablemap.stages.surface.motion import Mounting
 from tablemap.stages.surface.result import Figure, Primitive, Surface, SurfaceEdge
 from tablemap.stages.surface.shapes.shape import Shape, signed_distance
 from tablemap.stages.surface.shapes.sides import INFERRED, MEASURED, UNSEEN
@@ -32,12 +33,14 @@ def fit_surface(
     config: SurfaceConfig,
     sensors: SensorsConfig,
     seed: int,
+    mounting: Mounting | None = None,
 ) -> Surface:
     """Fit every primitive to the table edges of all views at once and choose among them.
 
-    Raises `EstimationError` if too little of the top was seen for any outline.
+    ``mounting`` is what the table's legs say of the camera, once they are known. Raises
+    `EstimationError` if too little of the top was seen for any outline.
     """
-    evidence, warnings = gather(outline, registration, config, sensors)
+    evidence, warnings = gather(outline, registration, config, sensors, mounting)
     candidates = fit_candidates(evidence, config, np.random.default_rng(seed))
     if not candidates:
         raise EstimationError(
