@@ -1,4 +1,4 @@
-"""Two models side by side: what differs, by how much, and by how many sigmas."""
+"""Comparison of two models: the differences, their sizes, and their sizes in sigmas."""
 
 from __future__ import annotations
 
@@ -14,15 +14,17 @@ from tablemap.model.shapes import shape_named
 from tablemap.paths import AnyPath
 
 SAME_LEG = 0.25
-"""Legs farther apart than this (metres) are not the same."""
+"""Legs farther apart than this are different legs, metres."""
 
 
 @dataclass(frozen=True)
 class Difference:
     """One figure of both models (metres, radians); None where a model lacks it.
 
-    ``difference`` is b - a, ``sigma`` that of both together as if they were independent (two runs
-    on one recording are not: theirs is too large), ``sigmas`` the one by the other.
+    - ``difference``: b - a
+    - ``sigma``: of the difference, as if both were independent; two runs on one recording are not,
+      so that theirs is too large
+    - ``sigmas``: the size of the difference divided by its sigma
     """
 
     name: str
@@ -43,9 +45,11 @@ class Difference:
 class Comparison:
     """Model ``b`` against model ``a``.
 
-    ``words`` holds what is no number: name, a's, b's. ``overlap`` is the intersection of both
-    outlines over their union, ``farthest`` the largest distance from one outline to the other
-    (Hausdorff, metres); both None where the frames differ or an outline has no area.
+    - ``words``: values that are not numbers: name, a's, b's
+    - ``overlap``: the intersection of both outlines over their union
+    - ``farthest``: metres, the largest distance from one outline to the other (Hausdorff)
+
+    The last two are None if the frames differ or an outline has no area.
     """
 
     words: tuple[tuple[str, str, str], ...]
@@ -54,7 +58,7 @@ class Comparison:
     farthest: float | None
 
     def to_dict(self) -> dict[str, object]:
-        """Return the comparison as JSON has it."""
+        """Return the comparison as values for JSON."""
         return {
             "words": {name: {"a": a, "b": b} for name, a, b in self.words},
             "figures": [{**asdict(each), "sigmas": each.sigmas} for each in self.figures],
@@ -64,10 +68,10 @@ class Comparison:
 
 
 def compare(a: TableModel | AnyPath, b: TableModel | AnyPath) -> Comparison:
-    """Compare two models, each given as such, as a run or as a ``table.json``.
+    """Compare two models; each is a model, a run or a ``table.json``.
 
-    Legs are paired by place, as far as both models stand in one frame. Raises `TablemapError`
-    where a model cannot be read.
+    If both models are in one frame, legs are paired by their places. Raises `TablemapError` if a
+    model cannot be read.
     """
     a, b = load_model(a), load_model(b)
     top_a, top_b = a.surface, b.surface
@@ -111,7 +115,7 @@ def _together(a: float | None, b: float | None) -> float | None:
 
 def _place(a: TableModel, b: TableModel) -> list[Difference]:
     rows = []
-    # Two shapes differ by no more than the finer symmetry of both tells.
+    # Compare yaws within the smaller of the two shapes' periods.
     period = min(shape_named(model.surface.shape).yaw_period for model in (a, b))
     for k, name in enumerate(("x", "y", "yaw")):
         first, second = (getattr(model.surface.pose, name) for model in (a, b))
@@ -126,14 +130,14 @@ def _place(a: TableModel, b: TableModel) -> list[Difference]:
 
 
 def _legs(a: tuple[TableLeg, ...], b: tuple[TableLeg, ...]) -> list[Difference]:
-    """Return for each pair of legs how far they are apart and how their sizes differ."""
+    """Return for each pair of legs their distance and the differences of their sizes."""
     if not a or not b:
         return []
     from scipy.optimize import linear_sum_assignment
 
     places_a, places_b = (np.array([[leg.x, leg.y] for leg in legs]) for legs in (a, b))
     apart = np.linalg.norm(places_a[:, None] - places_b[None], axis=-1)
-    # Beyond the limit all are equally unlike, so that a missing leg shifts no other pair.
+    # Distances are capped at the limit, so that a missing leg does not change the other pairs.
     pairs = zip(*linear_sum_assignment(np.minimum(apart, SAME_LEG)), strict=True)
     rows = []
     for i, j in pairs:

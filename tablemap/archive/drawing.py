@@ -21,7 +21,7 @@ STEPS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 def write_drawing(file: AnyPath, a: TableModel, b: TableModel, *, names: tuple[str, str]) -> None:
     """Write `draw_both` into ``file``, and make its folder.
 
-    Raises `TablemapError` where that cannot be.
+    Raises `TablemapError` if the file cannot be written.
     """
     file = as_path(file)
     try:

@@ -1,6 +1,6 @@
 """One run, one folder: ``DIR/<recording-stem>/<run-id>/``.
 
-Every file is written under a temporary name and renamed, so that what bears its name is whole.
+Every file is written under a temporary name and then renamed, so that a file is always complete.
 """
 
 from __future__ import annotations
@@ -41,16 +41,17 @@ PACKAGES = (
 )
 
 ADDED = ("exports/", "input/")
-"""Where files are put after the run has ended."""
+"""Folders of a run for files that are added after its end."""
 
 Status = Literal["running", "ok", "partial", "failed", "interrupted"]
 LEAVE_A_MODEL: tuple[Status, ...] = ("ok", "partial")
 
 
 class RecordingEntry(BaseModel):
-    """The input: ``sha256`` is null until it was read to its end, or where it is no local file.
+    """The input of a run.
 
-    ``together`` are the further places of a drive that has several; size and hash are those of all.
+    ``sha256`` is null until the input was read to its end, or if it is no local file. ``together``
+    are the further files of a drive that has several; size and hash are those of all files.
     """
 
     path: str = Field(description="the recording, as it was given or found")
@@ -65,7 +66,7 @@ class RecordingEntry(BaseModel):
 
     @property
     def input(self) -> Input:
-        """All places, as they were when it was read."""
+        """All files of the input, as they were read."""
         return Input((self.path, *self.together))
 
 
@@ -111,13 +112,13 @@ class Manifest(BaseModel):
 
 
 class RunFolder:
-    """A run's folder while the run writes it, or once it is done.
+    """A run's folder, during the run and after it.
 
-    It stands for its path wherever a path is asked for. What writes raises `TablemapError` where
-    the folder cannot be made or written.
+    It can be used wherever a path is expected. Methods that write raise `TablemapError` if the
+    folder cannot be made or written.
 
-    ``path``: the folder, absolute where `load_run` has opened it.
-    ``manifest``: what was run on what, and how it ended.
+    - ``path``: the folder, absolute if `load_run` opened it
+    - ``manifest``: the run's input and settings, and how it ended
     """
 
     def __init__(self, path: Path, manifest: Manifest) -> None:
@@ -172,14 +173,14 @@ class RunFolder:
         self.write("manifest.json", self.manifest.model_dump_json(by_alias=True, indent=1) + "\n")
 
     def finish(self, status: Status, *, error: str | None = None) -> None:
-        """Write how the run ended; ``latest`` names it if it left a model."""
+        """Write how the run ended; if it left a model, ``latest`` points to it."""
         finished = datetime.now(UTC).isoformat(timespec="seconds")
         self.update(status=status, error=error, finished=finished, files=self.hashes())
         if status in LEAVE_A_MODEL:
             self.become_latest()
 
     def become_latest(self) -> None:
-        """Let the recording's ``latest`` name this run."""
+        """Let the recording's ``latest`` point to this run."""
         link = self.path.parent / "latest"
         temporary = self.path.parent / f".latest-{self.path.name}"
         try:
@@ -190,7 +191,7 @@ class RunFolder:
             raise TablemapError(f"{link} cannot be written ({problem.strerror}).") from problem
 
     def hashes(self) -> dict[str, str]:
-        """Return the SHA-256 of each file that the run itself wrote, but for the manifest."""
+        """Return the SHA-256 of each file that the run itself wrote, except the manifest."""
         found = {}
         for file in sorted(self.path.rglob("*")):
             name = file.relative_to(self.path).as_posix()
@@ -199,7 +200,7 @@ class RunFolder:
         return found
 
     def write(self, name: str, text: str) -> Path:
-        """Write a text file of the run, whole or not at all."""
+        """Write a text file of the run, completely or not at all."""
         file = self.path / name
         try:
             write_whole(file, text)
@@ -212,20 +213,20 @@ class RunFolder:
 
     @property
     def model(self) -> TableModel:
-        """The run's chosen table. Raises `TablemapError` where the run left none."""
+        """The run's chosen table. Raises `TablemapError` if the run left none."""
         return TableModel.load(self.path)
 
     @property
     def config(self) -> Config:
-        """Every setting of the run. Raises `ConfigError` where its file is gone or damaged."""
+        """Every setting of the run. Raises `ConfigError` if its file is gone or damaged."""
         return load_config(self.path / "config.toml")
 
 
 def load_run(run: AnyPath) -> RunFolder:
-    """Open a run folder, or of a recording's folder of runs the last that left a model.
+    """Open a run folder; in a recording's folder of runs, open the last run that left a model.
 
-    A file of a run stands for the run, and a run that is open already for itself. Raises
-    `TablemapError` where there is no run, or its manifest is damaged.
+    A path of a file in a run opens that run; a `RunFolder` is returned as it is. Raises
+    `TablemapError` if there is no run, or its manifest is damaged.
     """
     if isinstance(run, RunFolder):
         return run
@@ -252,9 +253,9 @@ def load_run(run: AnyPath) -> RunFolder:
 
 
 def load_model(model: TableModel | AnyPath) -> TableModel:
-    """Return the model of a run, or of a ``table.json``; one that is given stands for itself.
+    """Return the model of a run or of a ``table.json``; a model is returned as it is.
 
-    Raises `TablemapError` where there is none, or the file is no table model.
+    Raises `TablemapError` if there is none, or the file is no table model.
     """
     if isinstance(model, TableModel):
         return model
@@ -264,7 +265,7 @@ def load_model(model: TableModel | AnyPath) -> TableModel:
 
 
 def names_model(path: AnyPath) -> bool:
-    """Tell whether a path names a ``table.json``, or such a file of another name, and no run."""
+    """Tell whether a path is a file with a table model, and not a run."""
     file = as_path(path)
     return file.suffix == ".json" and file.name != "manifest.json" and file.is_file()
 
@@ -285,9 +286,9 @@ def trajectory_tum(trajectory: Trajectory) -> str:
 
 @cache
 def versions() -> dict[str, str]:
-    """Return the versions of everything that may change a result, this package's source included.
+    """Return the versions of everything that may change a result, including this package's source.
 
-    The source's digest tells two states of a working copy apart that bear the same version.
+    The source's digest distinguishes two states of a working copy with the same version.
     """
     found = {
         "python": platform.python_version(),

@@ -1,8 +1,8 @@
-"""All runs of a folder as rows, and the index that spares reading them again.
+"""All runs of a folder as rows, and an index that makes listing them fast.
 
-The folders are the truth. The index keeps what was read of each run beside the times and sizes of
-the files that it was read from; a run whose files have others is read anew, one that is gone is
-dropped, and an index that is lost, damaged or of another version is built again.
+The folders are the truth. For each run the index keeps its row, with the times and sizes of the
+files that were read. A run whose files changed is read again, and a run that is gone is dropped. An
+index that is lost, damaged or of another version is built again.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ INDEX = ".index.json"
 SCHEMA = "tablemap/index/2"
 
 Stamp = tuple[int, int, int, int]
-"""Time of change (ns) and size of manifest.json, then of table.json; zeros where there is none."""
+"""Time of change (ns) and size of manifest.json, then of table.json; zeros for a missing file."""
 
 
 class RunRow(NamedTuple):
-    """One run in a list (a tuple, since thousands are made of them at once).
+    """One run in a list (a tuple, since thousands of them are made at once).
 
-    ``path`` is relative to the folder of runs: ``<recording>/<run>``.
-    ``status`` is the manifest's, or ``damaged`` where it cannot be read; ``shape`` and ``verdict``
-    are None without a model. ``figures`` holds what is a number, in metres, radians and seconds,
-    sigmas as ``<name>_sigma``.
+    - ``path``: relative to the folder of runs, ``<recording>/<run>``
+    - ``status``: the manifest's, or ``damaged`` if it cannot be read
+    - ``shape``, ``verdict``: None without a model
+    - ``figures``: all numbers by name, in metres, radians and seconds; sigmas as ``<name>_sigma``
     """
 
     path: str
@@ -50,15 +50,15 @@ class RunRow(NamedTuple):
     figures: dict[str, float]
 
     def to_dict(self) -> dict[str, object]:
-        """Return the row as JSON has it."""
+        """Return the row as values for JSON."""
         return self._asdict()
 
 
 def list_runs(folder: AnyPath = "runs", *, index: AnyPath | None = None) -> list[RunRow]:
     """Return a row for each run under ``folder``, in the order of their paths.
 
-    ``index`` (by default in the folder) is brought up to date where that is allowed. Raises
-    `TablemapError` where there is no such folder.
+    The ``index`` (by default in the folder) is updated if it may be written. Raises `TablemapError`
+    if there is no such folder.
     """
     folder = as_path(folder)
     file = folder / INDEX if index is None else as_path(index)
@@ -78,7 +78,7 @@ def list_runs(folder: AnyPath = "runs", *, index: AnyPath | None = None) -> list
 
 
 def read_row(folder: Path, path: str) -> RunRow:
-    """Read one run. What cannot be read is said in its row."""
+    """Read one run; the row's status says if it cannot be read."""
     recording, run = path.split("/")
     try:
         manifest = load_run(folder / path).manifest
@@ -108,7 +108,7 @@ def read_row(folder: Path, path: str) -> RunRow:
 
 
 def figures_of(model: TableModel) -> dict[str, float]:
-    """Return a model's figures by name, sigmas as ``<name>_sigma`` where there is one."""
+    """Return a model's figures by name, and their known sigmas as ``<name>_sigma``."""
     surface, pose = model.surface, model.surface.pose
     figures = dict(surface.dimensions) | {"height": surface.height}
     optional = {"thickness": surface.thickness, "corner_radius": surface.corner_radius}
@@ -160,7 +160,7 @@ def _changed(file: str) -> tuple[int, int]:
 
 
 def _load(file: Path) -> dict[str, tuple[Stamp, RunRow]]:
-    """Read the index; one that is not as expected counts as none."""
+    """Read the index; an index with unexpected content counts as empty."""
     try:
         document: Any = json.loads(file.read_bytes())
         if document["schema"] != SCHEMA:
@@ -180,9 +180,9 @@ def _load(file: Path) -> dict[str, tuple[Stamp, RunRow]]:
 
 
 def _save(file: Path, rows: dict[str, tuple[Stamp, RunRow]]) -> None:
-    """Write the index: a line of values a run; the names of figures once for all that share them.
+    """Write the index: one line of values a run; runs with the same figures share their names.
 
-    It is read whole at every listing, so its size is what a listing costs.
+    Every listing reads the whole index, so its size decides how fast a listing is.
     """
     names: dict[tuple[str, ...], int] = {}
     lines = []
@@ -191,6 +191,6 @@ def _save(file: Path, rows: dict[str, tuple[Stamp, RunRow]]) -> None:
         words = row[3:-1]  # path says recording and run
         lines.append((*stamp, row.path, *words, known, list(row.figures.values())))
     document = {"schema": SCHEMA, "names": list(names), "runs": lines}
-    # A folder that may only be read is listed all the same.
+    # A read-only folder is listed too, without an index.
     with contextlib.suppress(OSError):
         write_whole(file, json.dumps(document, separators=(",", ":")))

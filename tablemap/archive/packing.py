@@ -1,4 +1,4 @@
-"""A run as one portable file, a tar in zstd, and back."""
+"""Packing of a run into one portable file (a tar in zstd), and unpacking."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from tablemap.paths import AnyPath, as_path
 
 SUFFIX = ".tar.zst"
 MANIFEST = "manifest.json"
-"""Packed last: a run that has it was not cut off before."""
+"""This file is packed last: a packed run that has it is complete."""
 LEVEL = 6
 PIECE = 1 << 20
 
 
 def pack(run: AnyPath, target: AnyPath | None = None, *, with_input: bool = False) -> Path:
-    """Write a finished run, and its recording on demand, into one file; bytes repeat.
+    """Write a finished run, and its recording if asked, into one file; equal runs give equal bytes.
 
-    ``target`` (by default RECORDING-RUN.tar.zst where one works) appears once it is whole,
-    replacing what bore its name. Raises `TablemapError` where the run is unfinished or no longer
-    what was written, or where the file cannot be written.
+    ``target`` (by default RECORDING-RUN.tar.zst in the working folder) appears only when complete,
+    and replaces a file of that name. Raises `TablemapError` if the run is unfinished or was
+    changed, or if the file cannot be written.
     """
     run = load_run(run)
     target = as_path(target or f"{run.path.parent.name}-{run.path.name}{SUFFIX}")
@@ -69,10 +69,10 @@ def pack(run: AnyPath, target: AnyPath | None = None, *, with_input: bool = Fals
 
 
 def unpack(file: AnyPath, output: AnyPath = "runs") -> RunFolder:
-    """Bring a packed run back as ``output/<recording>/<run>``, checked before it bears that name.
+    """Unpack a run to ``output/<recording>/<run>``; it is checked before it gets that name.
 
-    Raises `TablemapError` where the file is cut off, damaged, or no packed run, where a member
-    would lie outside the run or not fit on the disk, or where the run is there already.
+    Raises `TablemapError` if the file is cut off, damaged, or no packed run, if a member would lie
+    outside the run or does not fit on the disk, or if the run is there already.
     """
     file, output = as_path(file), as_path(output)
     room = output / f".unpacking-{secrets.token_hex(4)}"
@@ -117,7 +117,7 @@ def _opened(file: Path) -> Iterator[BinaryIO]:
 
 
 def _read_to_the_end(stream: BinaryIO) -> None:
-    """Read what follows the tar, so that the checksum at the frame's end is checked."""
+    """Read the rest after the tar, so that the checksum at the frame's end is checked."""
     while stream.read(PIECE):
         pass
 
@@ -145,7 +145,7 @@ def _extract(tar: tarfile.TarFile, member: tarfile.TarInfo, room: Path, file: Pa
 
 
 def _settle(room: Path, output: Path, file: Path) -> RunFolder:
-    """Check the run that was unpacked into ``room``, and give it its place."""
+    """Check the run that was unpacked into ``room``, and move it to its place."""
     found = list(room.glob("*/*"))
     if len(found) != 1:
         raise TablemapError(f"expected one packed run, found {len(found)}: {file}")

@@ -1,4 +1,4 @@
-"""Which runs may go, and how they go without leaving half of one."""
+"""The choice of runs to remove, and their removal without leaving half of one."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def to_prune(
     keep: int | None = None,
     latest: Collection[str] = (),
 ) -> list[RunRow]:
-    """Return the runs that every given criterion lets go, oldest first.
+    """Return the runs that match every given criterion, oldest first.
 
-    ``keep`` holds that many runs of each recording: the newest of those that have a model. The
-    paths in ``latest`` (see `named_latest`) never go. Runs that are ``running`` or ``damaged`` go
-    only where ``status`` names it; one without a date counts as new.
+    Of each recording the ``keep`` newest runs with a model stay. The paths in ``latest`` (see
+    `named_latest`) always stay. Runs that are ``running`` or ``damaged`` match only if ``status``
+    names this; a run without a date counts as new.
 
-    Raises `ConfigError` where no criterion is given, or ``keep`` is less than none.
+    Raises `ConfigError` if no criterion is given, or ``keep`` is negative.
     """
     if older_than is None and keep is None and not status:
         raise ConfigError("say which runs may go: by age, by status, or all but the newest.")
@@ -67,10 +67,11 @@ def named_latest(folder: AnyPath) -> set[str]:
 
 
 def prune(folder: AnyPath, rows: Sequence[RunRow]) -> None:
-    """Remove runs of ``folder``; ``latest`` then names the newest that is left with a model.
+    """Remove runs of ``folder``; ``latest`` then points to the newest remaining run with a model.
 
-    All are hidden before the first is removed, so that one half removed is no run; what an earlier
-    call left hidden goes too. Raises `TablemapError` where one cannot be removed.
+    All are hidden before the first is removed, so that a half removed run is no longer a run.
+    Hidden runs from an interrupted call are removed, too. Raises `TablemapError` if a run cannot be
+    removed.
     """
     folder = as_path(folder)
     runs = [folder / row.path for row in rows]

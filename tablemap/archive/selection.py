@@ -1,4 +1,4 @@
-"""Which runs of a list, and in which order."""
+"""Selection and order of the runs in a list."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tablemap.errors import ConfigError
 from tablemap.model.shapes import SHAPES
 
 WORDS = ("recording", "run", "started", "status", "method", "shape", "verdict")
-"""What a row has besides figures."""
+"""The columns of a row besides its figures."""
 OPERATORS: dict[str, Callable[[float, float], bool]] = {
     "<=": operator.le,
     ">=": operator.ge,
@@ -29,12 +29,13 @@ OPERATORS: dict[str, Callable[[float, float], bool]] = {
 
 @dataclass(frozen=True)
 class Selection:
-    """Runs to list: each criterion that is given must hold.
+    """The criteria for runs in a list; a run must match every given one.
 
-    ``recording`` is a pattern such as ``kitchen*``; ``shape``, ``status`` and ``verdict`` name what
-    is wanted, any if empty; ``since`` and ``until`` are ISO dates or times in UTC, a date as a
-    whole day; ``where`` compares figures (``height<0.7``), which a run without the figure fails;
-    ``sort`` is one of `WORDS` or a figure, reversed by a leading ``-``; runs without it come last.
+    - ``recording``: a pattern such as ``kitchen*``
+    - ``shape``, ``status``, ``verdict``: the wanted ones, any if empty
+    - ``since``, ``until``: ISO dates or times in UTC; a date is the whole day
+    - ``where``: comparisons of figures such as ``height<0.7``; a run without the figure fails
+    - ``sort``: one of `WORDS` or a figure, reversed by a leading ``-``; runs without it come last
     """
 
     recording: str = "*"
@@ -47,7 +48,7 @@ class Selection:
     sort: str = "started"
 
     def of(self, rows: Iterable[RunRow]) -> list[RunRow]:
-        """Return the rows that are wanted, sorted.
+        """Return the matching rows, sorted.
 
         Raises `ConfigError` for a date or condition that cannot be read, or an unknown shape or
         figure.
@@ -73,7 +74,7 @@ class Selection:
 
 
 def started(row: RunRow) -> datetime | None:
-    """Return when a run began; None where its manifest does not say."""
+    """Return when a run began; None if its manifest does not say."""
     try:
         begun = datetime.fromisoformat(row.started)
     except ValueError:
@@ -120,7 +121,7 @@ def _check_shapes(names: Sequence[str]) -> None:
 
 
 def _check_name(name: str, names: set[str]) -> None:
-    """Raise `ConfigError` for a figure that no run has, where there are runs with figures."""
+    """Raise `ConfigError` for a figure that no run has, unless no run has any figures."""
     if names and name not in names:
         near = difflib.get_close_matches(name, sorted(names), n=1, cutoff=0.0)
         raise ConfigError(f"no run has a figure {name!r}; the nearest is {near[0]!r}.")

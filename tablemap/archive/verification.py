@@ -1,4 +1,4 @@
-"""Whether a run is still what was written, and its input what was read."""
+"""Checks that neither a run nor its input has changed since the run."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from tablemap.errors import RecordingError
 from tablemap.inputs import Input
 
 INPUT = "input"
-"""Folder of a run that holds its recording, where one was packed with it."""
+"""Folder in a run with its recording, if it was packed with the run."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that was looked at. ``unchecked`` says in ``detail`` why nothing can be said."""
+    """The result of one check; if it is ``unchecked``, ``detail`` says why."""
 
     name: str
     outcome: Literal["ok", "unchecked", "missing", "changed", "damaged"]
@@ -23,7 +23,7 @@ class Check:
 
     @property
     def passed(self) -> bool:
-        """Whether nothing is known to be wrong."""
+        """Whether the check found nothing wrong."""
         return self.outcome in ("ok", "unchecked")
 
 
@@ -48,7 +48,7 @@ def check_files(run: RunFolder) -> list[Check]:
 
 
 def recorded_input(run: RunFolder) -> Input:
-    """Return where a run's recording should be: packed with it, or where it was read."""
+    """Return the expected place of a run's recording: in the run, or where it was read."""
     read = run.manifest.recording.input
     packed = Input(tuple(str(run.path / INPUT / path.name) for path in read.paths))
     return packed if packed.exists() else read
@@ -57,7 +57,7 @@ def recorded_input(run: RunFolder) -> Input:
 def find_input(run: RunFolder) -> Input:
     """Return the recording of a run.
 
-    Raises `RecordingError` where it is gone, or where size or SHA-256 are not the manifest's.
+    Raises `RecordingError` if it is gone, or if size or SHA-256 differ from the manifest's.
     """
     entry, found = run.manifest.recording, recorded_input(run)
     if not found.exists():
