@@ -1,7 +1,8 @@
 """Many recordings on a Dask cluster whose workers see the same folders as this machine.
 
-One task a recording; the workers write the run folders. Dask gives a recording whose worker died to
-another worker, which marks what the first has left behind and, the second time, gives it up.
+Each recording is one task, and the workers write the run folders. If a worker dies, Dask gives its
+recording to another worker. That worker marks the run that the first one left behind. If the second
+worker dies too, the recording has failed.
 """
 
 from __future__ import annotations
@@ -32,12 +33,12 @@ GRACE_SECONDS = 30.0
 LOOK_SECONDS = 1.0
 
 _one_at_a_time = threading.Lock()
-"""What a recording needs is a process's: its BLAS threads are set for all threads of it."""
+"""Each recording needs its own process, as BLAS threads are set for a whole process."""
 
 
 @dataclass(frozen=True)
 class _ClusterTask:
-    """A recording for a worker: the runs that it had before, and the batch that it is of."""
+    """A recording for a worker, with the runs that it had before and its batch."""
 
     number: int
     recording: Input
@@ -55,12 +56,12 @@ def process_on_cluster(
     address: str,
     warn: Callable[[str], None],
 ) -> Iterator[Outcome]:
-    """Process recordings by the workers of a scheduler; yield each outcome as it comes.
+    """Process recordings by the workers of a scheduler; yield each outcome when it is there.
 
-    ``warn`` takes a sentence about the cluster. A recording whose worker dies is tried once more;
-    one that no worker is left for has failed. On an interruption the workers are told, and given
-    time to mark their runs. Raises `ExternalToolError` where the scheduler cannot be reached, has
-    no workers, or workers with another tablemap than this.
+    ``warn`` takes a sentence about the cluster. A recording whose worker dies is tried once more.
+    A recording has failed if no worker is left for it. On an interruption the workers are told, and
+    have time to mark their runs. Raises `ExternalToolError` if the scheduler cannot be reached, has
+    no workers, or has workers with another version of tablemap.
     """
     with _connected(address) as client:
         _check_workers(client, address, warn)
@@ -132,7 +133,7 @@ class _Batch:
         return Outcome(recording, left[0] if left else None, "failed", error, None)
 
     def _trouble(self) -> str | None:
-        """Return why nothing more can come, once that has been so for a while."""
+        """Return why no further outcome can come, if that has been so for a while."""
         deadline = time.monotonic() + WORKERLESS_SECONDS
         while time.monotonic() < deadline and self._ended.empty():
             if self._client.status in ("closing", "closed"):
@@ -144,7 +145,7 @@ class _Batch:
         return None if not self._ended.empty() else f"no worker is left at {self._address}:"
 
     def _cancel(self) -> None:
-        """Tell the workers to stop; give those that are at work time to mark their runs."""
+        """Tell the workers to stop; busy ones get time to mark their runs."""
         with suppress(OSError, TimeoutError):
             self._cancelled.set()
             deadline = time.monotonic() + GRACE_SECONDS
@@ -201,7 +202,7 @@ def _sentence(error: Exception, task: _ClusterTask) -> str:
 
 @contextmanager
 def _connected(address: str) -> Iterator[Client]:
-    """Connect to a scheduler, its library's own messages held back."""
+    """Connect to a scheduler, without the messages of Dask itself."""
     try:
         from distributed import Client
         from distributed.comm.addressing import parse_address
@@ -232,7 +233,7 @@ def _connected(address: str) -> Iterator[Client]:
 
 
 def _check_workers(client: Client, address: str, warn: Callable[[str], None]) -> None:
-    """Refuse a cluster without workers, or with others' tablemap."""
+    """Refuse a cluster without workers, or with another version of tablemap."""
     threads = client.nthreads()
     if not threads:
         raise ExternalToolError(
@@ -260,7 +261,10 @@ def _check_workers(client: Client, address: str, warn: Callable[[str], None]) ->
 
 
 def _versions_there() -> Callable[[], dict[str, str]]:
-    """Return what tells a worker's versions; sent by value, since it may have no tablemap."""
+    """Return a function that reads a worker's versions.
+
+    It is sent by value, since the worker may have no tablemap.
+    """
 
     def look() -> dict[str, str]:
         from tablemap.archive.folder import versions

@@ -1,4 +1,4 @@
-"""Which recordings, how each is processed, and what is done already."""
+"""The recordings to process, the way to process each, and the runs that exist already."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from tablemap.paths import AnyPath, as_path
 from tablemap.runs.running import Follow, Outcome, run
 
 TRIES = 2
-"""How often a recording is begun whose workers die."""
+"""How often a recording is started if its workers die."""
 
 Progress = Callable[[Input, StageStarted], None]
 
 
 @dataclass(frozen=True)
 class Job:
-    """How recordings are processed: `tablemap.runs.running.run`'s arguments."""
+    """The way to process recordings: arguments of `tablemap.runs.running.run`."""
 
     output: Path
     config: Config
@@ -42,12 +42,11 @@ class Job:
 
 
 def expand(arguments: Sequence[AnyPath], *, together: bool = False) -> list[Input]:
-    """Return the recordings that are named: paths, globs and ``@list.txt``, each once.
+    """Return the named recordings, each once: paths, globs and ``@list.txt``.
 
-    A list has a path or glob a line, relative to where one works; blank lines and those that begin
-    with ``#`` count for nothing. A glob that matches nothing stands for itself, as in a shell.
-    With ``together`` all of them are of one drive.
-    Raises `ConfigError` where a list cannot be read.
+    A list has one path or glob a line, relative to the working folder. Blank lines and lines that
+    begin with ``#`` are ignored. A glob without a match is taken as a path, as in a shell. With
+    ``together`` all recordings belong to one drive. Raises `ConfigError` if a list cannot be read.
     """
     names: list[str] = []
     for argument in map(str, map(as_path, arguments)):
@@ -70,9 +69,9 @@ def expand(arguments: Sequence[AnyPath], *, together: bool = False) -> list[Inpu
 
 
 def done_already(recording: AnyInput, job: Job) -> RunFolder | None:
-    """Return the newest run that left a model of the same bytes by the same config and versions.
+    """Return the newest run with a model from the same bytes, the same config and versions.
 
-    The recording is read (for its SHA-256) only where all the rest is the same.
+    The recording is read (for its SHA-256) only if everything else is the same.
     """
     recording = Input.of(recording)
     if not recording.exists():
@@ -99,7 +98,7 @@ def runs_of(recording: AnyInput, output: Path) -> list[RunFolder]:
     found = []
     for path in sorted((output / Input.of(recording).stem).glob("*/manifest.json"), reverse=True):
         if not path.parent.is_symlink():
-            with suppress(TablemapError):  # what cannot be read cannot be what is sought
+            with suppress(TablemapError):  # an unreadable run cannot be the right one
                 found.append(load_run(path.parent))
     return found
 
@@ -107,9 +106,9 @@ def runs_of(recording: AnyInput, output: Path) -> list[RunFolder]:
 def mark_lost(
     recording: Input, output: Path, error: str, *, known: Collection[str]
 ) -> list[RunFolder]:
-    """Let the runs that dead workers have left behind say so, and return them, newest first.
+    """Mark the runs that dead workers left behind, and return them, newest first.
 
-    ``known`` are the run IDs that were there before the first worker began.
+    ``known`` are the IDs of runs that existed before the first worker began.
     """
     lost = []
     for left in runs_of(recording, output):
@@ -136,5 +135,5 @@ def _has_text(file: Path, text: str) -> bool:
 
 
 def _comparable(found: dict[str, str]) -> dict[str, str]:
-    """Return versions but for the platform: an update of the system is no reason to begin anew."""
+    """Return versions without the platform: an update of the system needs no new run."""
     return {name: version for name, version in found.items() if name != "platform"}

@@ -1,8 +1,8 @@
 """Many recordings in processes of this machine.
 
-Each worker is a process of its own that takes one recording at a time. One that dies (killed, out
-of memory, a crash in a library) takes nothing else with it: its recording is tried once more in a
-new one.
+Each worker is its own process and takes one recording at a time. If a worker dies (killed, out of
+memory, a crash in a library), the others go on, and its recording is tried once more in a new
+worker.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ SINGLE_THREADED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 def process_many(
     recordings: Sequence[AnyInput], job: Job, progress: Progress, *, jobs: int
 ) -> Iterator[Outcome]:
-    """Process recordings over at most ``jobs`` processes; yield each outcome as it comes.
+    """Process recordings with at most ``jobs`` processes; yield each outcome when it is there.
 
-    A recording whose worker dies is tried once more, then it has failed. On an interruption the
-    workers are interrupted too, and given time to mark their runs.
+    A recording whose worker dies is tried once more; then it has failed. On an interruption the
+    workers are interrupted too, and have time to mark their runs.
     """
     for name in SINGLE_THREADED:  # as many processes as cores leave no core for more threads
         os.environ.setdefault(name, "1")
@@ -80,7 +80,7 @@ def process_many(
 
 @dataclass(frozen=True)
 class _Task:
-    """A recording, the runs that it had before, and how often it was begun."""
+    """A recording, the runs that it had before, and how often it was started."""
 
     recording: Input
     known: frozenset[str]
@@ -88,7 +88,7 @@ class _Task:
 
 
 class _Worker:
-    """A process that is given recordings one by one, and our end of the pipe to it."""
+    """A process that gets recordings one by one, and our end of the pipe to it."""
 
     def __init__(self, job: Job) -> None:
         context = get_context("spawn")
@@ -119,11 +119,11 @@ class _Worker:
 
     def give(self, task: _Task) -> None:
         self.task = replace(task, tries=task.tries + 1)
-        with suppress(OSError):  # it has died meanwhile, as the next look at it will show
+        with suppress(OSError):  # the worker has died; the next check will notice it
             self._pipe.send(task.recording)
 
     def hear(self) -> Iterator[object]:
-        """Yield what the worker has said; with its outcome it is free."""
+        """Yield the messages of the worker; after an outcome the worker is free."""
         try:
             while self._pipe.poll():
                 said = self._pipe.recv()
@@ -153,10 +153,10 @@ class _Worker:
 
 
 def _work(pipe: Connection[object, object], job: Job) -> None:
-    """Process what comes through the pipe until it is closed (in a process of its own)."""
+    """Process the recordings from the pipe until it is closed (in the worker's process)."""
 
     def interrupt(_signal: int, _frame: FrameType | None) -> None:
-        # Both may come, by the terminal and by our parent; one must not disturb the other's marks.
+        # Both the terminal and our parent may send it; the second must not disturb the marking.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         raise KeyboardInterrupt

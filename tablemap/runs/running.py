@@ -1,4 +1,4 @@
-"""One recording, one run folder: the pipeline with its review, archive and way out of failure."""
+"""Processing of one recording into one run folder, with review, archive and errors."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ Follow = Callable[[Path], AbstractContextManager[object]]
 class Outcome:
     """How a run ended.
 
-    ``recording``: what was processed.
-    ``run``: its folder; None where there was no file to make a run of.
-    ``status``: ``partial`` where the recording could be read only in part.
-    ``error``: one sentence on what failed or was lost; None where all went well.
-    ``model``: the chosen table; None where there is none.
+    - ``recording``: the input
+    - ``run``: its folder, None if there was no file to process
+    - ``status``: ``partial`` if only a part of the recording could be read
+    - ``error``: one sentence on the failure or loss, None if all went well
+    - ``model``: the chosen table, None if there is none
     """
 
     recording: Input
@@ -63,16 +63,16 @@ def run(
 ) -> Outcome:
     """Process a recording into a new run folder ``output/<recording>/<run>``.
 
-    Of one drive several files may be given, which are read together.
-    ``tables`` is ``best``, ``all``, or a place (x, y) in the map, metres: the table nearest to it.
-    ``method`` is ``tablemap`` or ``report``. Where one is None, ``config`` says it.
-    ``progress`` is given what the stages record, as it arises. ``follow`` is given the path of
-    ``run.rrd`` before it is written, and left after.
+    Several files of one drive are read together. ``tables`` is ``best``, ``all``, or a place (x, y)
+    in the map, metres: then the nearest table is modelled. ``method`` is ``tablemap`` or
+    ``report``. If one of both is None, it comes from ``config``. ``progress`` is called with every
+    result and event of the stages. The context ``follow(path of run.rrd)`` is entered before that
+    file is written, and left afterwards.
 
-    What is wrong with the recording, the disk or the permissions ends in a failed `Outcome`; the
-    folder keeps ``run.rrd``, ``report.html`` and ``manifest.json``, and has no ``table.json``. An
-    interruption or a defect of the program marks the folder and is raised again. Raises
-    `TablemapError` where what is asked for cannot be: no path, no such method or tables.
+    An error of the recording, the disk or the permissions gives a failed `Outcome`; the folder then
+    has ``run.rrd``, ``report.html`` and ``manifest.json``, but no ``table.json``. An interruption
+    or a defect of the program marks the folder and is raised again. Raises `TablemapError` for
+    arguments that are not valid: no path, no such method or tables.
     """
     recording, output, config = Input.of(recording), as_path(output), config or Config()
     method = config.method if method is None else method
@@ -145,9 +145,9 @@ def reprocess(
 ) -> Outcome:
     """Process a run's recording again with its config and ``section.key=value`` changes.
 
-    The new run stands beside the old one unless ``output`` names another folder of runs. Ends as
-    `run` does. Raises `RecordingError` where the recording is gone or no longer the one that was
-    read, `ConfigError` for changes that cannot be, and `TablemapError` where there is no run.
+    The new run is put beside the old one unless ``output`` names another folder of runs. It ends
+    like `run`. Raises `RecordingError` if the recording is gone or has changed, `ConfigError` for
+    settings that are not valid, and `TablemapError` if there is no run.
     """
     folder = load_run(folder)
     manifest = folder.manifest
@@ -169,11 +169,11 @@ def _leave(
     status: Literal["failed", "interrupted"],
     error: str,
 ) -> None:
-    """Leave a folder whose run did not come to its end, with its page and how it ended."""
-    with suppress(Exception):  # a full disk, or the page itself, may be what the run failed of
+    """Finish the folder of a run that did not complete: write its page and how it ended."""
+    with suppress(Exception):  # a full disk, or the page itself, may have ended the run
         folder.update(timings=stages.seconds)
         folder.write("report.html", page.html(folder.manifest, status=status, error=error))
-    with suppress(TablemapError):  # then the manifest still says that it runs
+    with suppress(TablemapError):  # the manifest then still says ``running``
         folder.finish(status, error=error)
 
 
@@ -188,7 +188,7 @@ def _process_reviewed(
     progress: Record,
     follow: Follow,
 ) -> Processed:
-    """Open and process a recording while everything that happens is written to ``run.rrd``."""
+    """Open and process a recording, and write every result and event to ``run.rrd``."""
     from tablemap.recording import open_recording
     from tablemap.review import Reviewer
 
@@ -213,13 +213,13 @@ def _process_reviewed(
             record(recording)
             return process(recording, config=config, tables=tables, record=record)
         except BaseException as error:
-            with suppress(TablemapError):  # where the review itself is what failed
+            with suppress(TablemapError):  # the review itself may have failed
                 record(RunFailed(stages.current, str(error) or type(error).__name__))
             raise
 
 
 class _Stages:
-    """Keeps which stage a run is in, and how long each took."""
+    """Keeps the current stage of a run, and the seconds of each stage."""
 
     def __init__(self) -> None:
         self.current = "recording"

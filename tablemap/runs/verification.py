@@ -1,4 +1,4 @@
-"""Whether a run is whole: its files, their contents, its review and its recording."""
+"""Checks of a run: its files, their contents, its review and its recording."""
 
 from __future__ import annotations
 
@@ -12,17 +12,16 @@ from tablemap.paths import AnyPath
 
 
 def verify(run: AnyPath) -> list[Check]:
-    """Check the files' hashes and contents, the .rrd, and the input where it can be found.
+    """Check the files' hashes and contents, the .rrd, and the input if it can be found.
 
-    Returns a `Check` for each thing that was looked at. Raises `TablemapError` where there is no
-    run, or a file of it cannot be read.
+    Returns all checks. Raises `TablemapError` if there is no run, or a file of it cannot be read.
     """
     run = load_run(run)
     return [*check_files(run), *_check_contents(run), _check_review(run), _check_input(run)]
 
 
 def _check_contents(run: RunFolder) -> Iterator[Check]:
-    """Read what has a schema."""
+    """Check the files that have a schema."""
     model = run.path / "table.json"
     if run.manifest.status in LEAVE_A_MODEL and not model.is_file():
         yield Check("model", "missing", f"the run is {run.manifest.status} and has no table.json")
