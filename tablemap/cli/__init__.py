@@ -1,6 +1,6 @@
 """The command line: parse, call the library, print; a module a command.
 
-Results go to stdout, words for people to stderr. Heavy imports wait inside the commands.
+Results go to stdout, messages for people to stderr. Heavy imports are inside of the commands.
 """
 
 from __future__ import annotations

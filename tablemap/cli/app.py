@@ -1,4 +1,4 @@
-"""The application: what went wrong becomes one sentence and an exit code."""
+"""The application: it turns an error into one sentence and an exit code."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ app = Commands(
 
 
 def main() -> None:
-    """Run the command line; turn what went wrong into one sentence and an exit code."""
+    """Run the command line; turn an error into one sentence and an exit code."""
     terminated = False
 
     def terminate(_signal: int, _frame: FrameType | None) -> None:

@@ -13,7 +13,7 @@ from tablemap.cli.options import ConfigFile, Json
 
 
 class ListsFormats(TyperCommand):
-    """A command whose help ends with the formats that there are."""
+    """A command whose help ends with the list of formats."""
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:  # click's own, or typer's copy
         """Write each format's name and description."""

@@ -90,7 +90,7 @@ def metres_text(value: float | None) -> str:
 
 
 def aligned(rows: Iterable[Sequence[str]]) -> str:
-    """Return rows of text as columns; the last is as long as it is."""
+    """Return rows of text as columns; the last column is not padded."""
     lines = [tuple(row) for row in rows]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     return "\n".join(

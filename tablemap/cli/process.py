@@ -137,7 +137,7 @@ def process(
 
 
 def _follow(*, live: bool) -> Follow:
-    """Return what passes a run on to the viewer; a missing viewer is a warning on stderr."""
+    """Return the function that shows a run live; a missing viewer is a warning on stderr."""
     if live:
         from tablemap.review.viewer.live import followed, start_viewer
 
@@ -151,7 +151,7 @@ def _follow(*, live: bool) -> Follow:
 
 
 def _export_processed(run: Path, formats: list[str], config: Config, *, quiet: bool) -> bool:
-    """Write a new run's exports; return False, with the reason on stderr, where that fails."""
+    """Write a new run's exports; return False, with the reason on stderr, if this fails."""
     from tablemap.export import export_run
 
     try:
@@ -169,7 +169,7 @@ Many = Callable[[list["Input"], "Job", "Progress"], Iterator["Outcome"]]
 
 
 def _many(scheduler: str | None, jobs: int) -> Many | None:
-    """Return what processes many recordings at once; None where they are to go one by one."""
+    """Return the function that processes recordings in parallel; None to process one by one."""
     if scheduler:
         from tablemap.runs.cluster import process_on_cluster
 
@@ -188,7 +188,7 @@ def _many(scheduler: str | None, jobs: int) -> Many | None:
 def _outcomes(
     recordings: list[Input], job: Job, many: Many | None, *, again: bool, quiet: bool
 ) -> Iterator[Outcome]:
-    """Take what is done already from its run; process the rest."""
+    """Return existing runs of recordings that are done already; process the others."""
     from tablemap.runs import done_already
     from tablemap.runs.running import Outcome
 
@@ -211,7 +211,7 @@ def _outcomes(
 
 
 def _at_once(recordings: list[Input], job: Job, many: Many, *, quiet: bool) -> Iterator[Outcome]:
-    """Process with a bar on stderr that counts the recordings and names what goes on."""
+    """Process with a bar on stderr that counts the recordings and names the current stages."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
@@ -233,7 +233,7 @@ def _at_once(recordings: list[Input], job: Job, many: Many, *, quiet: bool) -> I
 def process_one(
     path: Input, process_to: Callable[[Callable[[object], None]], Outcome], *, quiet: bool
 ) -> Outcome:
-    """Run what is given with a progress bar that names the stage."""
+    """Run the given function with a progress bar that names the stage."""
     from tablemap.events import StageStarted, ignore
     from tablemap.runs.running import InterruptedRun
 

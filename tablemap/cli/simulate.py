@@ -1,4 +1,4 @@
-"""``tablemap simulate``: a recording of a table that never was."""
+"""``tablemap simulate``: a recording of a simulated table."""
 
 from __future__ import annotations
 

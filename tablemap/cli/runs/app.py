@@ -1,4 +1,4 @@
-"""The group of commands on run folders, and what several of them take."""
+"""The group of commands on run folders, and their common arguments."""
 
 from __future__ import annotations
 

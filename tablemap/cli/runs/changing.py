@@ -1,4 +1,4 @@
-"""``tablemap runs reprocess`` and ``prune``: runs that come and go."""
+"""``tablemap runs reprocess`` and ``prune``: new runs from old ones, and removal of runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``tablemap runs show``, ``compare`` and ``verify``: what runs are."""
+"""``tablemap runs show``, ``compare`` and ``verify``: the contents of runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``tablemap runs pack``, ``unpack`` and ``serve``: runs elsewhere."""
+"""``tablemap runs pack``, ``unpack`` and ``serve``: runs for other machines."""
 
 from __future__ import annotations
 
