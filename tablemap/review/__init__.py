@@ -1,4 +1,4 @@
-"""Results to .rrd, its blueprint, and the viewer."""
+"""The review: results written to an .rrd, its blueprint, and the viewer."""
 
 from tablemap.review.reviewer import Reviewer
 from tablemap.review.viewer.viewer import open_viewer

@@ -1,4 +1,4 @@
-"""How the stops came together: pairs, their iterations, the pose graph, before and after."""
+"""Drawings of the registration: pairs, their iterations, the pose graph, before and after."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ FLOOR = 0.02
 
 
 class Alignment:
-    """Draws the registration; it keeps the pairs' iterations until the pairs are judged."""
+    """Draws the registration; it stores the pairs' iterations until the pairs are judged."""
 
     def __init__(self) -> None:
         self.pairs = Pairs()
 
     def log_as_far_as_it_came(self, stream: Stream) -> None:
-        """Draw the stops where the localisation has them: of a run that came no further."""
+        """Draw the stops at their localised poses, for a run that ended before registration."""
         stops = stream.scene.localised
         if "registration" not in stream.scene.reached and stops:
             stream.hold()
@@ -38,7 +38,7 @@ class Alignment:
             self.pairs.log(stream, (), stops)
 
     def log_stop_scan(self, stream: Stream, scan: StopScan) -> None:
-        """Log a stop's combined scan where the localisation has it."""
+        """Log a stop's combined scan at its localised pose."""
         poses = stream.scene.localised
         if scan.index < len(poses):
             stream.hold()
@@ -88,7 +88,7 @@ def _log_stop_scan(stream: Stream, moment: str, scan: StopScan, pose: Pose2) -> 
 
 
 def _log_stops(stream: Stream, path: str, poses: Sequence[Pose2], used: tuple[bool, ...]) -> None:
-    """Draw each stop's camera as a small pyramid with its number; grey where it was not used."""
+    """Draw each stop's camera as a small pyramid with its number, grey if it was not used."""
     is_few = len(poses) <= FEW_STOPS
     strips, tints, labels = [], [], []
     for index, pose in enumerate(poses[: len(stream.scene.cameras)]):
@@ -114,7 +114,7 @@ def _log_stops(stream: Stream, path: str, poses: Sequence[Pose2], used: tuple[bo
 
 
 def _log_bases(stream: Stream, registration: Registration) -> None:
-    """Draw the base at each stop as an arrow on the floor, with its number where there are few."""
+    """Draw the base at each stop as an arrow on the floor; a few stops also get their numbers."""
     poses = registration.map_from_base
     if not poses:
         return
@@ -172,13 +172,13 @@ def _log_pairs(stream: Stream, registration: Registration) -> None:
 
 
 def _tints(registration: Registration, pairs: list[Pair]) -> NDArray[np.uint8]:
-    """Return (n, 3): the pairs' colours, by how far they are from what was made of them."""
+    """Return the pairs' colours (n, 3), by their residuals at the registered poses."""
     residuals = [text.pair_residual(registration, pair) for pair in pairs]
     return colours.severity(np.array(residuals), RESIDUAL_LIMIT)
 
 
 def _eyes(stream: Stream, poses: Sequence[Pose2]) -> NDArray[np.float32]:
-    """Return (n, 3): the cameras of the stops, where the pyramids begin; else the bases."""
+    """Return (n, 3) the places of the stops' cameras, the tips of the pyramids; else the bases."""
     cameras = [frustum[0] for _, frustum in stream.scene.cameras]
     cameras += [np.zeros(3)] * (len(poses) - len(cameras))
     eyes = [transform(p.lifted(), eye) for p, eye in zip(poses, cameras, strict=False)]
@@ -186,7 +186,7 @@ def _eyes(stream: Stream, poses: Sequence[Pose2]) -> NDArray[np.float32]:
 
 
 def _log_dropped(stream: Stream, registration: Registration) -> None:
-    """Say which pairs were dropped and why, at the time of their later stop."""
+    """Log the dropped pairs and the reasons, at the time of their later stop."""
     stamps = stream.scene.stamps_ns
     dropped = [
         p for p in registration.pairs if not p.used and max(p.source, p.target) < len(stamps)
@@ -200,7 +200,7 @@ def _log_dropped(stream: Stream, registration: Registration) -> None:
 
 
 def _log_graph(stream: Stream, registration: Registration) -> None:
-    """Draw stops as nodes coloured by what their pairs leave, and the used pairs as edges."""
+    """Draw stops as nodes coloured by their pairs' residuals, and the used pairs as edges."""
     if not registration.map_from_base:
         return
     places = np.array([pose.translation for pose in registration.map_from_base])

@@ -1,4 +1,4 @@
-"""What the viewer shows when the file opens: the story first, its evidence in the tabs."""
+"""The viewer's layout when the file opens: the overview first, then a tab for each stage."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ Contents = rrb.View | rrb.Container
 
 
 def blueprint(scene: DrawnScene) -> rrb.Blueprint:
-    """Return the layout, its eyes placed by what is known of the scene so far.
+    """Return the layout, with its eyes placed by the known part of the scene.
 
-    A run that failed has tabs for the stages that began alone: the others have nothing to show.
+    A run that failed has only tabs of stages that began: the others have nothing to show.
     """
     begun = {name for name, _ in scene.stages}
     tabs: list[rrb.Container] = [_overview(scene)]
@@ -53,7 +53,7 @@ def blueprint(scene: DrawnScene) -> rrb.Blueprint:
 
 
 def _beside(name: str, share: float, left: Contents, *right: Contents) -> rrb.Horizontal:
-    """Return what is left so many times as wide as what is right of it, from top to bottom."""
+    """Return ``left``, ``share`` times as wide as the column of ``right`` views beside it."""
     column = right[0] if len(right) == 1 else rrb.Vertical(*right)
     return rrb.Horizontal(left, column, column_shares=[share, 1.0], name=name)
 
@@ -112,7 +112,7 @@ def _overview(scene: DrawnScene) -> rrb.Container:
 
 
 def _quiet(scene: DrawnScene) -> dict[rr.datatypes.EntityPath | str, Override]:
-    """Return what lets the model stand out: one colour for scans and clutter, thin paths."""
+    """Return overrides that make the model stand out: one colour for scans, thin paths."""
     quiet: dict[rr.datatypes.EntityPath | str, Override] = {
         "/model/uncertainty": rrb.EntityBehavior(visible=False),
         "/trajectory/registered": rr.LineStrips3D.from_fields(
@@ -270,7 +270,7 @@ def _legs(scene: DrawnScene) -> rrb.Container:
 
 
 def _table(number: int, scene: DrawnScene) -> rrb.Container:
-    """Return what there is of a table beside the chosen one."""
+    """Return the tab of a table beside the chosen one."""
     below = f"/tables/{number:02d}"
     shown = [
         f"{below}/{one}" for one in ("model/**", "outline/edges/table/**", "legs/**", "surface/**")

@@ -1,4 +1,4 @@
-"""Where each figure's variance comes from, as one bar a figure."""
+"""The parts of each figure's variance, as one bar a figure."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Budgeted(Protocol):
 
 @dataclass(frozen=True)
 class Stretch:
-    """A part of a bar: from ``start`` to ``end`` of it, 0 to 1, and its name where it has room."""
+    """A part of a bar, from ``start`` to ``end`` (0 to 1), with its name if there is room."""
 
     part: str
     start: float

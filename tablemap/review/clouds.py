@@ -1,4 +1,4 @@
-"""Fewer points that show the same."""
+"""Thinned points and simple lines for the viewer."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from tablemap.geometry import Floats
 
 
 def thinned(points: Floats, cell: float) -> NDArray[np.float32]:
-    """Keep one of (n, 2) or (n, 3) points in each cell (metres), and none that is not finite."""
+    """Keep one of the finite points (n, 2) or (n, 3) in each cell (metres)."""
     kept = np.asarray(points)[np.isfinite(points).all(axis=1)]
     if len(kept) == 0:
         return kept.astype(np.float32)

@@ -1,4 +1,4 @@
-"""One palette: what a colour means is the same in every view."""
+"""One palette: a colour has the same meaning in every view."""
 
 from __future__ import annotations
 

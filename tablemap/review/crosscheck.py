@@ -1,4 +1,4 @@
-"""How the comparison of camera and laser looks in Rerun."""
+"""The comparison of camera and laser in Rerun."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from tablemap.stages.crosscheck import CrossCheck
 
 
 def log_cross_check(stream: Stream, result: CrossCheck) -> None:
-    """Write what edges and legs say of the camera's mounting."""
+    """Log the camera's offset by edges and legs."""
     stream.text("surface/crosscheck", summary(result))
 
 
 def summary(result: CrossCheck) -> str:
-    """Return the offset with its sigmas, or that the views cannot tell."""
+    """Return the offset with its sigmas, or a sentence that the views do not determine it."""
     title = "## Camera against laser"
     compared = (
         f"{result.points} edge points of {result.views} views and {result.sightings} sightings of "

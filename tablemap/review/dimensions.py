@@ -13,7 +13,7 @@ from tablemap.review import colours
 from tablemap.review.stream import Stream
 
 DIMENSION_OFFSET = 0.18
-TICK = 0.04  # extension lines pass the dimension lines by so much
+TICK = 0.04  # metres by which extension lines pass the dimension lines
 MOST_LABELLED_EDGES = 12
 
 
@@ -55,7 +55,7 @@ def log_dimensions(stream: Stream, model: TableModel, outline: Floats, top: floa
 
 
 def _extensions(lines: list[Floats], outline: Floats, top: float) -> list[Floats]:
-    """Return the thin lines from the outline's nearest corners past the dimension lines' ends."""
+    """Return the extension lines, from the outline's corners past the dimension lines' ends."""
     extensions = []
     for end in (end for line in lines for end in line[:, :2]):
         corner = outline[np.argmin(np.linalg.norm(outline - end, axis=1))]
@@ -82,7 +82,7 @@ def _written(figure: Figure) -> str:
 
 
 def _lowest_corner(model: TableModel, outline: Floats) -> Floats:
-    """Return where the height is drawn: beside the outline's corner where its length begins."""
+    """Return the place of the height: beside the corner at which the outline's length begins."""
     centre = np.array([model.surface.pose.x, model.surface.pose.y])
     towards = Pose2(0, 0, model.surface.pose.yaw).rotate(np.array([-1.0, -1.0]))
     corner = outline[np.argmax((outline - centre) @ towards)]
@@ -93,7 +93,7 @@ def _lowest_corner(model: TableModel, outline: Floats) -> Floats:
 def _spans(model: TableModel) -> dict[str, Floats]:
     """Return for each length of the top its two ends (2, 2) in the map.
 
-    They lie beside a top that has sides, and run through the middle of a round one.
+    The line lies beside a top with sides, and runs through the middle of a round top.
     """
     surface, record = model.surface, shape_named(model.surface.shape)
     sizes = {name: figure.value for name, figure in surface.dimensions.items()}

@@ -1,4 +1,4 @@
-"""Where the viewer looks from, so that what matters is in the picture and large."""
+"""Places of the viewer's eye from which the important things are large and in the picture."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from tablemap.review.pairs import FRAME
 from tablemap.review.stream import DrawnScene
 
 ROUND = 2.3
-"""Distance of the eye, in multiples of what it shows, for a view of the stops round the table."""
+"""Distance of the eye, in sizes of the scene, for a view of the stops round the table."""
 NEAR = 2.7
 """The same for a view of the table alone."""
 WHOLE = 3.3
-"""The same, so that the table is in the picture whole, with its numbers."""
+"""The same for the whole table with its numbers."""
 ABOVE = 2.1
 """The same for the grid of pairs, from straight above."""
 MOST_ROUND = 4.0
-EYE_ASIDE = 0.3  # radians from straight before the table: two of its sides are told apart
+EYE_ASIDE = 0.3  # radians from straight before the table, so that two of its sides are visible
 MOST_ASIDE = 0.9
 
 Override = rrb.EntityBehavior | rr.LineStrips3D | rr.Points3D
@@ -68,7 +68,7 @@ def of_pairs(scene: DrawnScene, name: str) -> rrb.Spatial3DView:
 
 
 def between_stops(scene: DrawnScene) -> float:
-    """Return how far aside (radians) the eye stands, so that no stop hides the table."""
+    """Return the angle (radians) by which the eye stands aside, so that no stop hides the table."""
     x, y = scene.centre or (0.0, 0.0)
     seen = [math.atan2(pose.y - y, pose.x - x) for pose in scene.localised]
     aside = np.linspace(EYE_ASIDE / 2, MOST_ASIDE, 40)
@@ -80,7 +80,7 @@ def between_stops(scene: DrawnScene) -> float:
 
 
 def _middle(scene: DrawnScene) -> tuple[float, float]:
-    """Return the place that a view of the stops round the table looks at."""
+    """Return the place at which a view of the stops round the table looks."""
     stops = [(pose.x, pose.y) for pose in scene.localised]
     if scene.centre is None:
         return tuple(np.mean(stops, axis=0).tolist()) if stops else (0.0, 0.0)
@@ -95,7 +95,7 @@ def _middle(scene: DrawnScene) -> tuple[float, float]:
 
 
 def _surround(scene: DrawnScene) -> float:
-    """Return how far from the middle the table and the stops reach, within reason (metres)."""
+    """Return the distance of table and stops from the middle, metres, with an upper limit."""
     if not scene.localised:
         return 2 * scene.extent
     middle = np.array(_middle(scene))
@@ -118,8 +118,8 @@ def _space(
 ) -> rrb.Spatial3DView:
     """Return a 3D view that looks at a place from ``reach`` metres away, the table's length across.
 
-    ``steepness`` is how far the eye rises for each metre that it stands back, ``aside`` how far
-    (radians) it stands from straight before the table.
+    ``steepness`` is the rise of the eye for each metre that it stands back; ``aside`` is the angle
+    (radians) between the eye and straight before the table.
     """
     frame = scene.names.fixed if scene.names else "map"
     back = reach / math.hypot(1.0, steepness)

@@ -1,4 +1,4 @@
-"""Images as they were recorded: encoded bytes are passed on, the rest is encoded without loss."""
+"""Recorded images for the viewer: encoded ones are passed on, others are encoded without loss."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def encode_depth(depth: NDArray[np.float32]) -> bytes:
 
 
 def colour_size(message: Image | CompressedImage) -> tuple[int, int] | None:
-    """Return a colour image's width and height; None where its header cannot be read."""
+    """Return a colour image's width and height; None if its header cannot be read."""
     if isinstance(message, Image):
         return message.width, message.height
     try:
@@ -65,7 +65,7 @@ def colour_size(message: Image | CompressedImage) -> tuple[int, int] | None:
 
 
 def colour_archetype(message: Image | CompressedImage) -> rr.EncodedImage | None:
-    """Return a colour image for the viewer, or None where its encoding is not one it can show."""
+    """Return a colour image for the viewer, or None if the viewer cannot show its encoding."""
     if isinstance(message, CompressedImage):
         data = bytes(message.data)
         if data.startswith(JPEG):

@@ -1,4 +1,4 @@
-"""What the viewer's text panes are made of."""
+"""Markdown for the viewer's text panes."""
 
 from __future__ import annotations
 

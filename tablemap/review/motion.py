@@ -1,4 +1,4 @@
-"""Where the base went: recorded, by odometry and what that was registered to, and registered."""
+"""The base's trajectories: recorded, by odometry, and registered; and KISS-ICP's map."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class MotionDrawing:
         self._scans: list[tuple[int, float, float]] = []
 
     def log_scan(self, stream: Stream, scan: OdometryScan) -> None:
-        """Log a scan where KISS-ICP placed it; its threshold and correction are plotted later."""
+        """Log a scan at its pose by KISS-ICP; its threshold and correction are plotted later."""
         self._scans.append((scan.stamp_ns, scan.threshold, scan.correction))
         between_ns = int(stream.config.scan_seconds * 1e9)
         is_next = self._last_ns is None or scan.stamp_ns - self._last_ns >= between_ns
@@ -41,7 +41,7 @@ class MotionDrawing:
         )
 
     def log_map(self, stream: Stream, local: OdometryMap) -> None:
-        """Log what KISS-ICP registered scans to at that time, thinned."""
+        """Log KISS-ICP's map at that time, thinned."""
         stream.at(local.stamp_ns, snapshot=stream.scene.snapshot_at(local.stamp_ns))
         points = thinned(local.points, MAP_CELLS * stream.config.voxel)
         stream.log(

@@ -17,9 +17,9 @@ from tablemap.review.tables import Tables
 def write_overlay(
     file: Path, a: TableModel, b: TableModel, *, names: tuple[str, str], name: str
 ) -> None:
-    """Write both models, in the map, into ``file``; it appears once it is whole.
+    """Write both models, in the map, into ``file``; the file appears only when complete.
 
-    Raises `TablemapError` where it cannot be written.
+    Raises `TablemapError` if it cannot be written.
     """
     with whole_file(file) as part:
         stream = Stream(part, run_id=name, recording_name=name, config=ReviewConfig())

@@ -18,10 +18,10 @@ FRAME = "pairs"
 LEAST_REACH, MOST_REACH = 1.0, 3.5  # metres round the table
 GAP = 1.15  # of a cell's size
 FEW_PAIRS = 30
-"""Up to here there is room beside a pair's name for its RMSE."""
-WIDER = 1.15  # columns than rows
-MOST_POINTS = 360  # of each of a pair's two clouds: as many as its cell has room for
-SEEN_SHARE = 60  # per cent of the points that a cell has room for
+"""Up to this number of pairs there is room for the RMSE beside a pair's name."""
+WIDER = 1.15  # columns over rows
+MOST_POINTS = 360  # of each of a pair's two clouds: a cell has room for so many
+SEEN_SHARE = 60  # per cent of the points that must fit in a cell
 
 Key = tuple[int, int]
 
@@ -35,17 +35,17 @@ class _Sequence:
 
 
 class Pairs:
-    """Keeps how each pair moved until it is known which ones are worth a look.
+    """Stores the motion of each pair until the pairs are judged, and then draws them.
 
-    What it keeps grows with the pairs, which are bounded by the snapshots; the clouds are those of
-    the registration, not copies. A pair that is aligned again goes on where it ended.
+    The memory grows with the pairs, whose number the snapshots bound. The clouds are those of the
+    registration, not copies. If a pair is aligned again, its sequence goes on.
     """
 
     def __init__(self) -> None:
         self._sequences: dict[Key, _Sequence] = {}
 
     def start(self, _: Stream, started: PairStarted) -> None:
-        """Take where a pair begins, and what it aligns."""
+        """Store the start of a pair, and its clouds."""
         sequence = self._sequences.setdefault(
             (started.source, started.target),
             _Sequence(started.source_points, started.target_points),
@@ -53,17 +53,17 @@ class Pairs:
         sequence.poses.append(started.target_from_source)
 
     def step(self, _: Stream, iteration: PairIteration) -> None:
-        """Take one iteration of a pair that was started."""
+        """Store one iteration of a pair that was started."""
         sequence = self._sequences[iteration.source, iteration.target]
         figures = (iteration.fitness, iteration.rmse, iteration.inliers)
         sequence.figures.append((len(sequence.poses), *figures))
         sequence.poses.append(iteration.target_from_source)
 
     def log(self, stream: Stream, pairs: Sequence[Pair], poses: Sequence[Pose2]) -> None:
-        """Plot the pairs, the first ones first, and lay their clouds out as far as allowed.
+        """Plot the pairs in this order, and draw their clouds up to the allowed number.
 
-        ``poses`` are the stops' in the map: each pair is drawn as its target lies there. Pairs that
-        ``pairs`` does not name (of a run that failed) come last.
+        ``poses`` are the stops' in the map: each pair is drawn in the orientation of its target.
+        Pairs that are not in ``pairs`` (in a run that failed) come last.
         """
         named = {(p.source, p.target): p for p in pairs if p.kind != "odometry"}
         keys = [key for key in named if key in self._sequences]
@@ -113,7 +113,7 @@ class Pairs:
         )
 
     def _reach(self, keys: list[Key], poses: Sequence[Pose2], middle: Floats) -> float:
-        """Return how far round the table most of what the pairs align lies, within limits."""
+        """Return the radius round the table that holds most of the pairs' points, with limits."""
         away = [
             np.linalg.norm(
                 poses[target].apply(self._sequences[source, target].target[:, :2]) - middle, axis=1
@@ -133,7 +133,7 @@ def _log_clouds(
     reach: float,
     tint: colours.Colour,
 ) -> None:
-    """Log the target, the source, and the source's motion over the iterations and as it ended."""
+    """Log the target, the source, and the source's motion over the iterations and its end."""
     path = f"registration/pairs/{_name(key)}"
     moved = [cell_from_target @ pose for pose in sequence.poses]
     target = cell_from_target.apply(sequence.target)
@@ -156,7 +156,7 @@ def _log_clouds(
     frames = np.stack([pose.lifted() for pose in moved])
     steps = rr.TimeColumn("iteration", sequence=range(len(frames)))
     stream.transforms(f"{path}/motion", FRAME, clouds[1][2], steps, frames)
-    # On the other timelines the pair is as it ended: `hold` would write that at iteration 0 too.
+    # Other timelines show the end of the pair: `hold` would also write it at iteration 0.
     stream.at(stream.scene.start_ns, snapshot=0)
     stream.transform(f"{path}/motion", FRAME, clouds[1][2], frames[-1])
     stream.hold()

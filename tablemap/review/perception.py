@@ -1,4 +1,4 @@
-"""The calibrated camera, the segmented views and the tables that could be meant."""
+"""Drawings of the calibrated camera, the segmented views and the candidate tables."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ BLOCK_PX = 20
 
 
 class Perception:
-    """Draws segmentations; it keeps the corrected snapshots that labels belong to."""
+    """Draws segmentations; it stores the corrected snapshots to which the labels belong."""
 
     def __init__(self) -> None:
         self._snapshots: tuple[Snapshot, ...] = ()
 
     def log_calibration(self, stream: Stream, calibration: Calibration) -> None:
-        """Log what the floor said about the camera."""
+        """Log the corrections of the camera by the floor."""
         self._snapshots = calibration.snapshots
         stream.scene.laser_height += calibration.floor_z - stream.scene.floor_z
         stream.scene.floor_z = calibration.floor_z
@@ -91,7 +91,7 @@ class Perception:
         self._snapshots = ()
 
     def _keep(self, stream: Stream, view: ViewSegmentation, points: Floats) -> None:
-        """Keep what registration will move: the top's rim, a little of its inside, the clutter."""
+        """Keep points for the registration's drawing: the top's rim, some inside, the clutter."""
         cell = stream.config.voxel
         is_top = (view.labels == Label.TOP) & np.isfinite(points[..., 2])
         inside = ndimage.binary_erosion(is_top, iterations=2)
@@ -102,7 +102,7 @@ class Perception:
         stream.scene.clutter[view.index] = thinned(points[on_top], cell)
 
     def log_tables_found(self, stream: Stream, found: TablesFound) -> None:
-        """Log what could be meant: all that a run shows of it where the choice fails."""
+        """Log the candidate tables before the choice, so that they are there if it fails."""
         stream.hold()
         stream.text("segmentation/summary", text.candidates(found.candidates))
         hulls = [one.hull for one in found.candidates[:MOST_IN_SIGHT] if len(one.hull)]
@@ -136,7 +136,7 @@ def _log_hulls(
     *,
     show_labels: bool,
 ) -> None:
-    """Draw what could be the table, empty where nothing is left: it replaces what was found."""
+    """Draw the candidates' hulls in place of earlier ones; without candidates draw nothing."""
     stream.log(
         f"segmentation/{name}",
         rr.LineStrips3D(

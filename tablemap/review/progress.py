@@ -1,4 +1,4 @@
-"""The run itself: stages, how long they took, warnings and how it ended."""
+"""The run itself: stages, their times, warnings, and how the run ended."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LABEL_DROP = 11.0  # the viewer writes labels this far below their points
 
 
 def log_started(stream: Stream, started: StageStarted) -> None:
-    """Begin a stage: rows from here on belong to it (stage 0 is the opening of the recording)."""
+    """Begin a stage: the next rows belong to it (stage 0 is the opening of the recording)."""
     stream.stage = started.index + 1
     stream.scene.stages.append((started.name, None))
     stream.scene.told = ""
@@ -25,7 +25,7 @@ def log_started(stream: Stream, started: StageStarted) -> None:
 
 
 def log_finished(stream: Stream, finished: StageFinished) -> None:
-    """End a stage: draw the times so far, and bring everything to the disk."""
+    """End a stage: draw the times so far, and write everything to the disk."""
     stages = stream.scene.stages
     if (finished.name, None) in stages:
         stages.remove((finished.name, None))
@@ -78,7 +78,7 @@ def log_failure(stream: Stream, failed: RunFailed) -> None:
 
 
 def log_warning(stream: Stream, warning: ProcessWarning, *, about: str = "") -> None:
-    """Log one warning at the time that it concerns; ``about`` says of which table it is."""
+    """Log one warning at the time that it concerns; ``about`` names its table."""
     if warning.stamp_ns is None:
         stream.hold()
     else:

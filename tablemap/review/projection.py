@@ -1,4 +1,4 @@
-"""Edge points and the model in the camera's images: what a doubtful run is looked at for first."""
+"""Edge points and the model drawn into the camera's images: the first check of a doubtful run."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tablemap.stages.calibration import Calibration
 from tablemap.stages.outline import Outline
 from tablemap.stages.snapshots import Snapshot
 
-SPACING = 0.01  # metres between the points of a line: it stays in place where the image cuts it
+SPACING = 0.01  # metres between the points of a line, so that the image can cut it anywhere
 NEAREST = 0.05  # metres before the camera
 DASH_PX = 7.0
 PIXEL_CENTRE = 0.5  # the viewer counts from a pixel's corner
@@ -28,7 +28,7 @@ LINE, POINT = 1.5, 1.7  # radii, pixels of the screen
 
 
 class Projection:
-    """Draws into the images of every snapshot; it keeps the corrected cameras."""
+    """Draws into the images of every snapshot; it stores the corrected cameras."""
 
     def __init__(self) -> None:
         self._snapshots: dict[int, Snapshot] = {}
@@ -45,9 +45,9 @@ class Projection:
         self._unused = {index for index, is_used in enumerate(used) if not is_used}
 
     def _in_turn(self, stream: Stream) -> Iterator[tuple[Snapshot, str]]:
-        """Give each snapshot at its time, with its image's frame.
+        """Yield each snapshot at its time, with its image's frame.
 
-        The best one comes last: on ``stage`` what was logged last is shown.
+        The best one comes last, as the timeline ``stage`` shows what was logged last.
         """
         names = stream.scene.names
         frame = (names.camera if names else "camera") + IMAGE_PLANE
@@ -58,9 +58,9 @@ class Projection:
         stream.hold()
 
     def bring_to_front(self, stream: Stream, seen: dict[int, int]) -> None:
-        """Let the view that shows most stand for all on ``stage``, where its number is not chosen.
+        """Show the view with most of the table on ``stage``, where no snapshot is chosen.
 
-        ``seen`` is how much of the table each view shows, by index.
+        ``seen`` is the number of pixels, or edge points, of the table in each view, by index.
         """
         seen = {i: much for i, much in seen.items() if i not in self._unused}
         best = max(seen, key=lambda index: seen[index], default=None)
@@ -72,7 +72,7 @@ class Projection:
         stream.hold()
 
     def log_edges(self, stream: Stream, outline: Outline) -> None:
-        """Log each view's edge points where they were found, by kind; none where it has none."""
+        """Log each view's edge points at their pixels, by kind; a view without any gets none."""
         views = {view.index: view for view in outline.views}
         for snapshot, frame in self._in_turn(stream):
             view = views.get(snapshot.index)
@@ -89,7 +89,7 @@ class Projection:
                 )
 
     def log_model(self, stream: Stream, model: TableModel) -> None:
-        """Log the model's lines as each camera would have seen them, had nothing hidden them."""
+        """Log the model's lines in each camera's image, as if nothing hid them."""
         lines = list(_lines(model))
         for snapshot, frame in self._in_turn(stream):
             if snapshot.index >= len(model.snapshots):
@@ -121,7 +121,7 @@ class Projection:
 
 
 def _lines(model: TableModel) -> Iterator[tuple[str, str, NDArray[np.floating]]]:
-    """Give the model's lines: what they belong to, their status, and (n, 3) points in the map."""
+    """Yield the model's lines: their part, their status, and points (n, 3) in the map."""
     surface = model.surface
     top = model.floor_z + surface.height.value
     bottom = top - (surface.thickness.value if surface.thickness else DRAWN_THICKNESS)

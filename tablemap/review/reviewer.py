@@ -1,4 +1,4 @@
-"""The one place that knows how a result looks in Rerun."""
+"""The single place that maps each result to its drawing in Rerun."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ from tablemap.stages.surface import Surface
 
 Draw = Callable[[Stream, Any], None]
 ALWAYS = (RunFailed, TableModel, OtherTable)
-"""What is drawn even where the level is ``off``: the models, or that there is none."""
+"""Results that are drawn even at level ``off``: the models, or the failure."""
 
 
 class Reviewer:
-    """Writes an .rrd while a run goes on; call it with each result and event as it arises.
+    """Writes an .rrd during a run; call it with each result and event.
 
-    ``path`` is written in place and is readable after every stage, also where the run is killed.
-    Raises `TablemapError` where the file cannot be written.
+    ``path`` is written in place and is readable after every stage, even if the run is killed.
+    Raises `TablemapError` if the file cannot be written.
     """
 
     def __init__(
@@ -139,7 +139,7 @@ class Reviewer:
     def __call__(self, result: object) -> None:
         """Log one result or event, and its warnings.
 
-        Raises `TypeError` for a type that has no place, and `TablemapError` where the disk is full.
+        Raises `TypeError` for an unknown type, and `TablemapError` if the disk is full.
         """
         place = next((self.places[k] for k in type(result).__mro__ if k in self.places), None)
         if place is None:
@@ -154,7 +154,7 @@ class Reviewer:
             self._stream.flush()
 
     def _warn(self, result: object) -> None:
-        """Log the warnings of a result, and those that the recording has gathered since, once."""
+        """Log, each once, the warnings of a result and the new ones of the recording."""
         if self._stream.config.level == "off":
             return
         about, warnings = "", [*getattr(result, "warnings", ())]
@@ -174,7 +174,7 @@ class Reviewer:
             self._warned.add(warning)
 
     def close(self) -> None:
-        """Write what is left and the footer; closing twice does nothing."""
+        """Write the remaining rows and the footer; a second call does nothing."""
         self._stream.close()
 
     def __enter__(self) -> Self:
@@ -189,6 +189,6 @@ class Reviewer:
         try:
             self.close()
         except TablemapError:
-            # The error that ended the run says more than what it did to the file.
+            # The error that ended the run matters more than the error of the file.
             if error is None:
                 raise

@@ -1,7 +1,7 @@
-"""What a review file holds: every entity, so that an old file can be read without this program.
+"""The contents of a review file: all entities, so that old files are readable without this program.
 
-The name below stands in each file as ``property:review:schema``, the entities as
-``property:review:entities``. A change to what an entity means is a new number.
+Each file has the name below as ``property:review:schema``, and the entities as
+``property:review:entities``. If the meaning of an entity changes, the schema gets a new number.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the robot recorded: frames, scans, depth and colour."""
+"""The recorded data: frames, scans, depth and colour."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tablemap.stages.snapshots import SetAside, Snapshot, Snapshots
 SCAN_SEARCH_NS = 200_000_000
 IMAGE_PLANE = "_image_plane"
 HEADING_LENGTH = 0.35
-MOST_POSES = 500  # of the frame tree: the file grows with each
+MOST_POSES = 500  # of the frame tree, as each pose makes the file larger
 
 
 def log_recording(stream: Stream, recording: Recording) -> None:
@@ -81,7 +81,7 @@ def _log_frames(
 
 
 def log_snapshots(stream: Stream, taken: Snapshots) -> None:
-    """Log every viewpoint, and what was set aside with its reason."""
+    """Log every viewpoint, and the images that were not used with their reasons."""
     for snapshot in taken.snapshots:
         log_snapshot(stream, snapshot)
     for one in taken.set_aside:
@@ -140,13 +140,13 @@ def log_images(stream: Stream, snapshot: Snapshot) -> None:
 
 
 def log_set_aside(stream: Stream, one: SetAside) -> None:
-    """Log what was not used, and why, at its time."""
+    """Log an image that was not used, and why, at its time."""
     stream.at(one.stamp_ns, snapshot=one.index)
     stream.log_flat("log", rr.TextLog(f"{one.what} set aside: {one.reason}", level="INFO"))
 
 
 def _log_pose(stream: Stream, names: FrameNames, snapshot: Snapshot) -> None:
-    """Log the camera where it was, whatever frames the recording carries it through."""
+    """Log the camera's pose in the base, whatever frames lie between both in the recording."""
     map_from_base = snapshot.map_from_base.lifted()
     recording = stream.scene.recording
     recorded = recording.fixed_from_base(snapshot.stamp_ns) if recording else None

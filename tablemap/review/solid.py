@@ -18,7 +18,7 @@ from tablemap.review.supports import LEG_WITHOUT_SIZE
 
 DRAWN_THICKNESS = 0.03
 MAGNIFICATIONS = (50.0, 20.0, 10.0, 5.0, 2.0, 1.0)
-MOST_DRAWN = 0.2  # of the table's reach: an interval is magnified up to here
+MOST_DRAWN = 0.2  # of the table's reach: largest drawn size of a magnified interval
 TWO_SIDED_95 = 1.96
 ELLIPSE_95 = 2.448
 
@@ -44,7 +44,7 @@ def log_model(stream: Stream, model: TableModel, *, tint: colours.Colour = colou
 
 
 def _magnifications(model: TableModel) -> tuple[float, float]:
-    """Return how often as large the place's ellipse and the sides' bands are drawn, to be seen."""
+    """Return the magnifications that make the place's ellipse and the sides' bands visible."""
     outline = np.array(model.surface.outline, dtype=np.float64).reshape(-1, 2)
     reach = float(np.ptp(outline, axis=0).max()) / 2 if len(outline) else 1.0
     covariance = np.array(model.surface.pose.covariance, dtype=np.float64)[:2, :2]

@@ -1,4 +1,4 @@
-"""The page that a reviewer reads first: verdict and figures, or why there is no model."""
+"""The summary that a reviewer reads first: verdict and figures, or why there is no model."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ COLOURS = (
 def model(result: TableModel, *, magnified: tuple[float, float]) -> str:
     """Return the summary of a finished run: verdict first.
 
-    ``magnified`` says how many times too large the place's ellipse and the sides' bands are drawn.
+    ``magnified`` are the magnifications of the place's ellipse and of the sides' bands.
     """
     surface = result.surface
     rows: list[tuple[object, ...]] = [

@@ -23,24 +23,26 @@ FLUSH_SECONDS = 60
 HEAVY = (rr.Points3D, rr.EncodedDepthImage, rr.EncodedImage, rr.SegmentationImage)
 HEAVY_BETWEEN_FLUSHES = 10
 FEW_STOPS = 15
-"""Up to here stops are drawn large and with their numbers."""
+"""Up to this number, stops are drawn large and with their numbers."""
 
 _abandoned: list[rr.RecordingStream] = []
-"""Streams whose files could not be written to the end; see `Stream`."""
+"""Streams whose files could not be completed; see `Stream`."""
 
 
 @dataclass
 class DrawnScene:
-    """What later results need of earlier ones to be drawn: small, whatever the recording's length.
+    """Facts from earlier results that later drawings need; small, whatever the recording's length.
 
-    ``stamps_ns`` and ``localised`` are the snapshots' by index, ``tops`` and ``clutter`` their
-    thinned (n, 3) points in the base, z in the map; ``floor_z``, ``height`` (the top's) and
-    ``laser_height`` are z in the map, metres; ``centre`` (2,), ``extent`` (metres) and ``yaw`` the
-    table's place, size and heading as far as known; ``stages`` holds name and seconds (None while
-    it runs); ``tables`` what is known of those beside the chosen one, ``pairs_reach`` (metres) how
-    far the grid of aligned pairs extends. ``best`` is the snapshot that shows most of the table,
-    ``colour_fits`` whether the colour images show what the depth images do, pixel by pixel;
-    ``told`` is what the current stage said of its result.
+    - ``stamps_ns``, ``localised``: stamps and localised poses of the snapshots, by index
+    - ``tops``, ``clutter``: their thinned points (n, 3), x and y in the base, z in the map
+    - ``floor_z``, ``height``, ``laser_height``: z in the map of floor, top and laser, metres
+    - ``centre``, ``extent``, ``yaw``: the table's place (2,), size in metres and heading, if known
+    - ``stages``: names and seconds, None for the running stage
+    - ``tables``: scenes of the tables beside the chosen one
+    - ``pairs_reach``: metres, size of the grid of aligned pairs
+    - ``best``: the snapshot that shows most of the table
+    - ``colour_fits``: whether colour images match the depth images pixel by pixel
+    - ``told``: the current stage's text on its result
     """
 
     names: FrameNames | None = None
@@ -113,7 +115,7 @@ class Stream:
             )
 
     def open_recording(self, recording: Recording) -> None:
-        """Take frames and times of the recording that the rows to come are about."""
+        """Take frames and times of the recording to which the next rows belong."""
         scene = self.scene
         scene.recording, scene.names = recording, recording.names
         scene.start_ns = recording.start_ns
@@ -132,7 +134,7 @@ class Stream:
             self.rec.set_time("snapshot", sequence=snapshot)
 
     def at_stage(self) -> None:
-        """Let the next rows belong to the current stage alone."""
+        """Let the next rows belong only to the current stage."""
         self.rec.reset_time()
         self.rec.set_time("stage", sequence=self.stage)
 
@@ -140,14 +142,14 @@ class Stream:
         """Let the next rows hold for the whole recording, from the current stage on."""
         if self.scene.start_ns:
             self.at(self.scene.start_ns, snapshot=0)
-        else:  # before the recording is open nobody knows its clock
+        else:  # the recording's clock is unknown before it is open
             self.at_stage()
             self.rec.set_time("snapshot", sequence=0)
         self.rec.set_time("iteration", sequence=0)
 
     @contextmanager
     def within(self, path: str, scene: DrawnScene) -> Iterator[None]:
-        """Let what is logged in this context stand below an entity, and be about another scene."""
+        """Put rows logged in this context below an entity, and use another scene for them."""
         outer = self._below, self.scene
         self._below, self.scene = f"{path}/", scene
         try:
@@ -164,7 +166,7 @@ class Stream:
         self.log_flat(path, *what)
 
     def log_flat(self, path: str, *what: rr.AsComponents) -> None:
-        """Log something that has no place in space: text, plots, images."""
+        """Log something without a place in space: text, plots, images."""
         for one in what:
             self.rec.log(self._below + path, one)
             if isinstance(one, HEAVY):
@@ -211,8 +213,8 @@ class Stream:
     def flush(self) -> None:
         """Wait until all rows are on the disk.
 
-        Raises `TablemapError` where they cannot get there. The queue before the disk has no bound
-        and reports no error of its own, hence the waiting.
+        Raises `TablemapError` if they cannot be written. The queue before the disk is unbounded and
+        reports no errors itself, so this waits.
         """
         self._heavy = 0
         if self._lost:
@@ -226,10 +228,10 @@ class Stream:
             ) from error
 
     def _abandon(self) -> None:
-        """Let go of a file that takes no more rows.
+        """Give up a file that takes no more rows.
 
-        Rerun would wait for its rows for ever: when it is told to disconnect, when the stream is
-        deleted and when the program ends. So it is told, deleted and asked no more.
+        Rerun would wait for its rows for ever: at a disconnect, at the deletion of the stream and
+        at the end of the program. This method avoids all three.
         """
         self._lost, self._open = True, False
         rr.unregister_shutdown()
@@ -238,9 +240,9 @@ class Stream:
             ctypes.pythonapi.Py_IncRef(ctypes.py_object(held))
 
     def close(self) -> None:
-        """Write what is left and the footer. Closing twice does nothing.
+        """Write the remaining rows and the footer; a second call does nothing.
 
-        Raises `TablemapError` where the last rows cannot be written.
+        Raises `TablemapError` if the last rows cannot be written.
         """
         if not self._open:
             return

@@ -1,4 +1,4 @@
-"""The legs: evidence, what was set aside, and what was fitted."""
+"""Drawings of the legs: evidence, rejected clusters, and fits."""
 
 from __future__ import annotations
 

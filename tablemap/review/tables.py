@@ -1,4 +1,4 @@
-"""The tables beside the chosen one: each below ``/tables/NN`` as the chosen one is below ``/``."""
+"""The tables beside the chosen one: each has its entities below ``/tables/NN`` instead of ``/``."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tablemap.stages.surface import Surface
 
 
 class Tables:
-    """Draws what is found of the other tables, and their models muted."""
+    """Draws the results about the other tables, and their models in muted colours."""
 
     def __init__(self) -> None:
         self._poses: tuple[Pose2, ...] = ()
@@ -37,7 +37,7 @@ class Tables:
     def log_result(self, stream: Stream, one: OfTable) -> None:
         """Log one result about such a table.
 
-        Raises `TypeError` for a type that has no place.
+        Raises `TypeError` for an unknown type.
         """
         scene = self._scene(stream, one.number)
         place = self._places[one.number].get(type(one.result))
@@ -60,7 +60,7 @@ class Tables:
             stream.log_flat("log", rr.TextLog(message, level="INFO"))
 
     def _scene(self, stream: Stream, number: int) -> DrawnScene:
-        """Return what is known round a table: its own place and shape, all else as it is."""
+        """Return the scene of a table: its own place and shape, everything else as before."""
         if number not in self._scenes:
             self._scenes[number] = replace(stream.scene, shape="", tables={})
             top = TopDrawing()
@@ -76,5 +76,5 @@ class Tables:
 
 
 def entity(number: int) -> str:
-    """Return the entity that a table's results stand below."""
+    """Return the entity below which a table's results are logged."""
     return f"tables/{number:02d}"

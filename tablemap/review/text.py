@@ -80,7 +80,7 @@ def calibration(result: Calibration) -> str:
 
 
 def candidates(found: tuple[TableCandidate, ...]) -> str:
-    """Return the surfaces that could be meant, and what speaks against them."""
+    """Return the candidate surfaces, and the reasons against them."""
     rows = [
         (
             f"{k}{' (chosen)' if one.chosen else ''}",
@@ -131,7 +131,7 @@ def segmentation(result: Segmentation) -> str:
 
 
 def odometry(result: Odometry) -> str:
-    """Return what the odometry rests on."""
+    """Return the odometry's source and figures."""
     spread = np.sqrt(np.diag(result.covariance_over(1.0)))
     return "\n".join(
         [
@@ -150,7 +150,7 @@ def odometry(result: Odometry) -> str:
 
 
 def pair_residual(result: Registration, pair: Pair) -> float:
-    """Return how far (metres) a pair's measurement lies from the registered poses."""
+    """Return the distance (metres) of a pair's measurement from the registered poses."""
     poses = result.map_from_base
     registered = poses[pair.target].inverse() @ poses[pair.source]
     left = registered.inverse() @ pair.target_from_source
@@ -158,7 +158,7 @@ def pair_residual(result: Registration, pair: Pair) -> float:
 
 
 def worst_first(result: Registration) -> list[Pair]:
-    """Return the pairs, the dropped first, and of each the ones that fit worst."""
+    """Return the dropped pairs, then the used ones, each from worst to best fit."""
     return sorted(result.pairs, key=lambda pair: (pair.used, -pair_residual(result, pair)))
 
 
@@ -222,7 +222,7 @@ def registration(result: Registration) -> str:
 
 
 def aligned(shown: int, pairs: int) -> str:
-    """Return what the view of the aligned pairs shows."""
+    """Return the explanation of the view of aligned pairs."""
     return (
         f"{shown} of {pairs} pairs, the dropped and the worst first, each in a cell of its own and "
         "lying as its target does in the map. Grey: the target; green: the source, red where the "
@@ -232,7 +232,7 @@ def aligned(shown: int, pairs: int) -> str:
 
 
 def from_one_place(bases: Sequence[Pose2]) -> list[range]:
-    """Return runs of views whose bases lie on one another: those of a head that looked about."""
+    """Return runs of views from one place of the base: those of a head that turned."""
     steps = [np.linalg.norm(b.translation - a.translation) for a, b in pairwise(bases)]
     starts = [k for k in range(len(bases)) if k == 0 or steps[k - 1] >= SAME_PLACE_M]
     return [range(a, b) for a, b in pairwise([*starts, len(bases)])]
@@ -308,7 +308,7 @@ def surface(result: Surface) -> str:
 
 
 def legs(result: Legs) -> str:
-    """Return the legs and what was set aside."""
+    """Return the legs and the rejected clusters."""
     found = [
         (
             f"{k} {one.shape}",

@@ -1,4 +1,4 @@
-"""The top: its edges in each view, the candidates fitted to them, and the chosen one."""
+"""Drawings of the top: its edges in each view, the fitted candidates, and the chosen one."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ALL_SEEN = 0.995
 
 
 class TopDrawing:
-    """Draws outline and surface; it keeps the edges until the poses that place them are known."""
+    """Draws outline and surface; it stores the edges until the registered poses are known."""
 
     def __init__(self) -> None:
         self._poses: tuple[Pose2, ...] = ()
@@ -38,7 +38,7 @@ class TopDrawing:
         self._poses = poses
 
     def log_outline(self, stream: Stream, outline: Outline) -> None:
-        """Log edge points by kind and view, and the height that each view has."""
+        """Log edge points by kind and view, and the top's height by each view."""
         scene = stream.scene
         scene.height = scene.floor_z + outline.height
         for index, height in outline.height_by_view.items():
@@ -52,7 +52,7 @@ class TopDrawing:
             self.log_view(stream, view)
 
     def log_view(self, stream: Stream, view: ViewEdges) -> None:
-        """Log one view's edge points by what made them, and where it saw top."""
+        """Log one view's edge points by their kind, and the points that it saw as top."""
         poses = self._poses or tuple(stream.scene.localised)
         if view.index >= len(poses):
             return
@@ -135,7 +135,7 @@ class TopDrawing:
 
 
 def _label(number: int, edge: SurfaceEdge) -> str:
-    """Return a side's number and length, and what is to be known of a side not fully seen."""
+    """Return a side's number and length, with a note if it was not fully seen."""
     length = float(np.linalg.norm(np.diff(edge.points, axis=0), axis=1).sum())
     doubt = "" if edge.status == "measured" else f", {edge.status}"
     is_partly_seen = 0 < edge.seen_fraction < ALL_SEEN

@@ -35,7 +35,7 @@ MOST_ROWS = 200
 
 
 class Page:
-    """Keeps what the page shows of a run's results; call it with each as it arises."""
+    """Collects a run's results for the page; call it with each result when it is there."""
 
     def __init__(self) -> None:
         self._model: TableModel | None = None
@@ -157,7 +157,7 @@ def _model(model: TableModel, name: str, surface: Surface | None) -> Iterable[st
 
 
 def _beside(others: Sequence[OtherTable]) -> Iterable[str]:
-    """Write the other tables in a line each: what they are, or why there is no model."""
+    """Write one line for each other table: its model, or the reason why there is none."""
     if not others:
         return
     yield "<h2>Other tables</h2>"

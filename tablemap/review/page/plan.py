@@ -20,7 +20,7 @@ STATUS = {
 }
 WIDTH = 760.0  # pixels
 MARGIN = 0.30  # metres round what is drawn
-MOST_AWAY = 3.0  # of the table's reach: stops farther off are left out of the drawing
+MOST_AWAY = 3.0  # times the table's reach: stops farther away are left out of the drawing
 LEG_WITHOUT_SIZE = 0.04
 MOST_LABELLED_SIDES = 12
 HEADING = 0.22  # metres
@@ -109,7 +109,7 @@ def _written(name: str, figure: Figure) -> str:
 
 
 def _labels(model: TableModel, outline: Floats, pixels: Pixels) -> list[str]:
-    """Write the lengths: in the middle of a round top, else below and to the right of it."""
+    """Write the lengths in the middle of a round top, else below and to the right of the top."""
     record, dimensions = shape_named(model.surface.shape), model.surface.dimensions
     low, high = pixels(outline).min(axis=0), pixels(outline).max(axis=0)
     middle = (low + high) / 2
@@ -128,10 +128,10 @@ def _labels(model: TableModel, outline: Floats, pixels: Pixels) -> list[str]:
 
 
 def _beside(number: int, side: Floats, length: str, colour: str, pixels: Pixels) -> list[str]:
-    """Write a side's number within the top and its length without, along the side."""
+    """Write a side's number inside of the top, and its length outside, along the side."""
     ends = pixels(side)
     along = ends[-1] - ends[0]
-    # The outline is counter-clockwise, pixels run down: the top lies to the left of its sides.
+    # The outline is counter-clockwise, but pixel rows run down: this normal points inward.
     inward = np.array([along[1], -along[0]]) / max(float(np.linalg.norm(along)), 1e-9)
     middle = (ends[0] + ends[-1]) / 2 if len(ends) == 2 else ends[len(ends) // 2]
     parts = [_text(middle + LABEL * inward, str(number), NUMBER)]

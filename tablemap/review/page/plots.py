@@ -1,4 +1,4 @@
-"""Residuals of the outline's fit as SVG: along the outline, and how many of each size."""
+"""Residuals of the outline's fit as SVG: along the outline, and as a histogram."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def unrolled(surface: Surface) -> str:
 
 
 def histogram(residuals: Floats) -> str:
-    """Return how many residuals there are of each size in millimetres; half and 95 % in words."""
+    """Return a histogram of the residuals in millimetres, with a sentence on half and 95 %."""
     finite = 1000 * residuals[np.isfinite(residuals)]
     if len(finite) == 0:
         return ""

@@ -1,1 +1,1 @@
-"""Opening a run: in the viewer, live, as a still, as a catalog."""
+"""Ways to open a run: in the viewer, live, as a picture, in a catalog."""

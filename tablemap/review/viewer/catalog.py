@@ -1,8 +1,8 @@
-"""A folder of runs as a Rerun catalog: a segment a run, the model's figures as its properties.
+"""A folder of runs as a Rerun catalog: one segment a run, the model's figures as its properties.
 
-The catalog is made of the run folders each time: a run's .rrd as it lies there, and beside it a
-layer with what manifest.json and table.json say. So the figures are there also for runs whose .rrd
-is of an older version, was cut short, or is missing.
+The catalog is made from the run folders each time. It has each run's .rrd, and beside it a layer
+with the contents of manifest.json and table.json. So the figures exist even for runs whose .rrd is
+of an older version, was cut short, or is missing.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 
 DATASET = "runs"
 FIGURES = "figures"
-"""The layer with what the run folders say."""
+"""The layer with the figures from the run folders."""
 FLUSH_SECONDS = 30
 
 
 @dataclass(frozen=True)
 class Catalog:
-    """A catalog that is being served: its address, how many runs, and what is not as usual."""
+    """A served catalog: its address, its number of runs, and notes on unusual runs."""
 
     url: str
     runs: int
@@ -41,10 +41,10 @@ class Catalog:
 
 @contextmanager
 def served_catalog(folder: Path, *, host: str = LOOPBACK, port: int = 0) -> Iterator[Catalog]:
-    """Serve the runs of a folder for as long as the context lasts; port 0 takes a free one.
+    """Serve the runs of a folder within the context; port 0 takes a free one.
 
-    Raises `ExternalToolError` where the extra is not installed or the port is taken, and
-    `TablemapError` where there is no such folder.
+    Raises `ExternalToolError` if the extra is not installed or the port is taken, and
+    `TablemapError` if there is no such folder.
     """
     rows = list_runs(folder)
     os.environ["CI"] = "1"  # keeps the server's usage statistics off
@@ -105,7 +105,7 @@ def _register(dataset: DatasetEntry, folder: Path, rows: Sequence[RunRow], room:
 
 
 def _steps(run: Path, room: Path) -> Path:
-    """Return a run's whole .rrd: its own, or a mended copy in ``room``."""
+    """Return a run's complete .rrd: its own, or a repaired copy in ``room``."""
     file = run / "run.rrd"
     if not file.is_file():
         raise TablemapError("there is no run.rrd")
@@ -115,9 +115,9 @@ def _steps(run: Path, room: Path) -> Path:
 def _registered(
     dataset: DatasetEntry, uris: list[str], *, layer: str
 ) -> Iterator[tuple[str, str, str | None]]:
-    """Register files; yield for each its URI, its segment, and what was wrong with it.
+    """Register files; yield for each its URI, its segment, and its error, if any.
 
-    One that the server cannot read makes it refuse all that come with it: then each goes alone.
+    If the server cannot read one file, it refuses all of the call; then each is registered alone.
     """
     if not uris:
         return

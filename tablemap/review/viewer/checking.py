@@ -1,4 +1,4 @@
-"""Whether an .rrd is whole, by the word of Rerun's own tool."""
+"""Check of an .rrd by Rerun's own tool."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MOST_SECONDS = 600
 def damage_of(file: Path) -> str | None:
     """Return what `rerun rrd verify` finds wrong with an .rrd, in one line; None if nothing.
 
-    Raises `ExternalToolError` where the tool is missing or does not come to an end.
+    Raises `ExternalToolError` if the tool is missing or does not end.
     """
     try:
         done = subprocess.run(

@@ -1,4 +1,4 @@
-"""A run in the viewer while it goes on: the growing .rrd is passed on, and nothing waits for it."""
+"""A live run in the viewer: another process passes on the growing .rrd, and the run never waits."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tablemap.errors import ExternalToolError
 from tablemap.review.viewer.viewer import LOOPBACK, launch, listens, stop
 
 PORT = 9876
-"""Where a viewer listens unless it was told otherwise."""
+"""The viewer's default port."""
 START_SECONDS = 2.0
 POLL_SECONDS = 0.2
 LAST_SECONDS = 2.0
@@ -24,13 +24,13 @@ BLOCK = 1 << 20
 def start_viewer(port: int = PORT) -> None:
     """Start a viewer, unless one listens already.
 
-    Raises `ExternalToolError` where there is none, or it ends at once (no screen).
+    Raises `ExternalToolError` if there is none, or it ends at once (no screen).
     """
     if listens(port):
         return
     viewer = launch("--bind", LOOPBACK, "--port", str(port), "--expect-data-soon")
     deadline = time.monotonic() + START_SECONDS
-    # It listens before it looks for a screen: only one that still runs then has found one.
+    # The viewer listens before it opens a screen: if it still runs then, it has found one.
     time.sleep(POLL_SECONDS)
     while time.monotonic() < deadline:
         if viewer.poll() is not None:
@@ -44,9 +44,9 @@ def start_viewer(port: int = PORT) -> None:
 
 @contextmanager
 def followed(file: Path, *, port: int = PORT) -> Iterator[None]:
-    """Pass on to the viewer what is written to an .rrd for as long as the context lasts.
+    """Pass the growing .rrd on to the viewer within the context.
 
-    A program of its own feeds the viewer: one that is closed or hangs costs the run nothing.
+    A separate program feeds the viewer: if the viewer is closed or hangs, the run is not affected.
     """
     feeder = launch("--port", str(port), "-", stdin=subprocess.PIPE)
     ended = threading.Event()
@@ -65,7 +65,7 @@ def followed(file: Path, *, port: int = PORT) -> Iterator[None]:
 
 
 def _feed(file: Path, pipe: IO[bytes], ended: threading.Event) -> None:
-    """Copy the file as it grows, and the rest once it has ended; stop where nobody reads."""
+    """Copy the file as it grows, and the rest after its end; stop if nobody reads."""
     try:
         with pipe:
             while not file.exists():

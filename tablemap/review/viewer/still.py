@@ -1,4 +1,4 @@
-"""A picture of a review without a screen: the viewer draws in software, and is asked for it."""
+"""A picture of a review without a screen: the viewer renders in software."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ TABS = (
     "Timings",
 )
 TIMELINES = {"Odometry": "sensor_time", "Pairs": "iteration"}
-"""Where a tab's story is told; elsewhere it is over the snapshots."""
+"""The timeline of each tab; all other tabs use the snapshots."""
 LOAD_SECONDS = 90.0
 MOST_PICTURES = 15
 TRIES = 6
@@ -49,7 +49,7 @@ def still(
 ) -> list[str]:
     """Write a PNG of one tab (or of a tab within one) of a run folder's .rrd, at its end.
 
-    Returns what the views report as errors, one line each. Raises `ExternalToolError` where the
+    Returns the errors that the views report, one line each. Raises `ExternalToolError` if the
     viewer is missing or cannot draw (it needs a Vulkan driver, such as Debian's
     ``mesa-vulkan-drivers``), and `TablemapError` for an unknown tab or a missing file.
     """
@@ -70,7 +70,7 @@ def still(
 
 
 def _smaller(picture: bytes) -> bytes:
-    """Return a PNG in 256 colours: a third of the size, and hardly to be told apart."""
+    """Return a PNG in 256 colours: it has a third of the size and looks almost the same."""
     with PIL.Image.open(io.BytesIO(picture)) as image:
         few = image.convert("RGB").quantize(256, dither=PIL.Image.Dither.NONE)
         buffer = io.BytesIO()

@@ -1,4 +1,4 @@
-"""The Rerun Viewer as a program beside us, on this machine alone."""
+"""The Rerun Viewer as a separate program, on this machine only."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ START_SECONDS = 2.0
 SERVE_SECONDS = 20.0
 MAGIC = b"RRF"
 FOOTER = b"RRF2FOOT"
-FOOTER_TAIL = 64  # bytes at the end of a whole file in which its mark stands
+FOOTER_TAIL = 64  # bytes at the end of a complete file that contain the footer's mark
 
 
 def viewer_environment() -> dict[str, str]:
@@ -33,7 +33,7 @@ def viewer_environment() -> dict[str, str]:
 def viewer_program() -> Path:
     """Return the viewer that came with the rerun package.
 
-    Raises `ExternalToolError` where there is none.
+    Raises `ExternalToolError` if there is none.
     """
     found = importlib.util.find_spec("rerun_cli")
     folder = Path(found.origin).parent if found and found.origin else None
@@ -48,9 +48,9 @@ def viewer_program() -> Path:
 def launch(
     *arguments: str, stdin: int | None = None, stderr: int = subprocess.DEVNULL
 ) -> subprocess.Popen[bytes]:
-    """Start the viewer's program in a session of its own, silent unless a stream is asked for.
+    """Start the viewer's program in its own session, silent unless a stream is asked for.
 
-    Raises `ExternalToolError` where there is none, or it cannot be started.
+    Raises `ExternalToolError` if there is none, or it cannot be started.
     """
     command = [str(viewer_program()), *arguments]
     try:
@@ -69,8 +69,8 @@ def launch(
 def review_file(path: AnyPath) -> Path:
     """Return the .rrd of a run folder, of a recording's last run, or the file itself.
 
-    A recording's last run is ``latest``; where none left a model, the one that began last. Raises
-    `TablemapError` where there is none.
+    A recording's last run is ``latest``; if none left a model, it is the one that began last.
+    Raises `TablemapError` if there is none.
     """
     path = as_path(path)
     if not path.is_dir():
@@ -85,16 +85,16 @@ def review_file(path: AnyPath) -> Path:
 
 
 def is_whole(file: Path) -> bool:
-    """Return whether an .rrd has its footer: a run that was killed, or goes on, wrote none."""
+    """Tell whether an .rrd has its footer: a killed or running run has not written one."""
     with file.open("rb") as stream:
         stream.seek(max(file.stat().st_size - FOOTER_TAIL, 0))
         return FOOTER in stream.read()
 
 
 def mended(file: Path, folder: Path) -> Path:
-    """Return a whole .rrd: the file itself, or a copy in ``folder`` with what a cut one still has.
+    """Return a complete .rrd: the file itself, or a repaired copy in ``folder`` if it was cut.
 
-    The file is not touched. Raises `ExternalToolError` where it is no .rrd, or holds nothing.
+    The file is not changed. Raises `ExternalToolError` if it is no .rrd, or has no readable data.
     """
     if is_whole(file):
         return file
@@ -117,7 +117,7 @@ def mended(file: Path, folder: Path) -> Path:
 
 @contextmanager
 def whole(path: AnyPath) -> Iterator[Path]:
-    """Give a whole .rrd of a run for as long as the context lasts; see `mended`."""
+    """Give a complete .rrd of a run within the context; see `mended`."""
     with tempfile.TemporaryDirectory(prefix="tablemap-") as folder:
         yield mended(review_file(path), Path(folder))
 
@@ -130,7 +130,7 @@ def free_port() -> int:
 
 
 def listens(port: int) -> bool:
-    """Return whether something on this machine answers at the port."""
+    """Tell whether something on this machine answers at the port."""
     try:
         socket.create_connection((LOOPBACK, port), timeout=0.5).close()
     except OSError:
@@ -153,7 +153,7 @@ def stop(process: subprocess.Popen[bytes]) -> None:
 def served(path: AnyPath) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
     """Serve a run to web browsers of this machine; gives the URL and the server's process.
 
-    Raises as `open_viewer` does.
+    Raises the errors of `open_viewer`.
     """
     with whole(path) as file:
         data, page = free_port(), free_port()
@@ -174,9 +174,9 @@ def served(path: AnyPath) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
 def open_viewer(path: AnyPath) -> subprocess.Popen[bytes]:
     """Open a run folder's .rrd in the native viewer, and return its process.
 
-    Raises `ExternalToolError` where the viewer is missing or ends at once (no screen, no graphics
-    driver), and `TablemapError` where there is no .rrd. A file that was cut short is shown as a
-    mended copy, which stays in the system's temporary folder for as long as the viewer may need it.
+    Raises `ExternalToolError` if the viewer is missing or ends at once (no screen, no graphics
+    driver), and `TablemapError` if there is no .rrd. A file that was cut short is shown as a
+    repaired copy; it stays in the system's temporary folder while the viewer may need it.
     """
     file = review_file(path)
     if not is_whole(file):
