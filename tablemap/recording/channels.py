@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tablemap.config import LimitsConfig
 from tablemap.recording.calibrations import is_same
@@ -14,9 +14,8 @@ from tablemap.recording.decoding import CALIBRATION, TRANSFORMS, Decoder, Decodi
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan, Pose
 from tablemap.recording.raw import RawMessage, Source
 from tablemap.recording.tf.collector import TransformCollector
+from tablemap.recording.tf.frames import Stamps
 from tablemap.recording.topics import Roles, Topic, decoders_of, implied_transforms
-
-Stamps = NDArray[np.int64]
 
 _BEHIND_STAMP = 12  # bytes, of ROS's messages that begin with a header
 _REORDERED = 16  # depth images held back to come out by their stamps

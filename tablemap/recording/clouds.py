@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tablemap.geometry import Floats
+from tablemap.geometry import Floats, Ints
 
 _FLOATS = {7: "f4", 8: "f8"}  # PointField's and Foxglove's numbers agree
 _PIXELS_OFF = 0.2  # most that a point of a camera may lie beside its pixel
@@ -122,7 +122,7 @@ def _pinhole(right: Floats, down: Floats, forward: Floats) -> Floats | None:
     return k
 
 
-def _line(tangents: Floats, pixels: NDArray[np.int64]) -> tuple[float, float] | None:
+def _line(tangents: Floats, pixels: Ints) -> tuple[float, float] | None:
     """Return focal length and centre of pixels = focal tangents + centre, None where it is none."""
     if np.ptp(tangents) == 0 or np.ptp(pixels) == 0:
         return None

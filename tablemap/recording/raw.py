@@ -6,8 +6,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
+from tablemap.geometry import Ints
 
 LATEST_NS = 2**63 - 1
 """The last time that is one: in the year 2262."""
@@ -55,7 +54,7 @@ class Source(Protocol):
         *,
         start_ns: int | None = None,
         end_ns: int | None = None,
-        log_times_ns: NDArray[np.int64] | None = None,
+        log_times_ns: Ints | None = None,
     ) -> Iterator[RawMessage]:
         """Yield the channels' messages by log time, in [start, end] or at given log times."""
 

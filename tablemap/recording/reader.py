@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from tablemap.config import LimitsConfig, TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError, damage_named
-from tablemap.geometry import Floats, invert
+from tablemap.geometry import Bools, Floats, invert
 from tablemap.inputs import AnyInput, Input
 from tablemap.recording.calibrations import Calibrations, valid_calibrations
 from tablemap.recording.carried import carried_warnings
-from tablemap.recording.channels import Channels, Stamped, Stamps, only
+from tablemap.recording.channels import Channels, Stamped, only
 from tablemap.recording.decoding import DecodingError
 from tablemap.recording.depth import decode_depth
 from tablemap.recording.messages import CameraInfo, CloudImage, CompressedImage, Image, LaserScan
@@ -27,6 +27,7 @@ from tablemap.recording.robots import Placed, placed
 from tablemap.recording.silence import is_silent, sweep_that_can_be
 from tablemap.recording.sources import open_source
 from tablemap.recording.tf.frame_roles import FrameNames, ground_pose, pose_stamps
+from tablemap.recording.tf.frames import Stamps
 from tablemap.recording.tf.poses import PoseTrack
 from tablemap.recording.topics import (
     Roles,
@@ -238,7 +239,7 @@ class Recording:
             raise RecordingError(f"The laser's pose is not known at {stamp_ns} ns.")
         return np.array(poses[0])
 
-    def base_from_cameras(self, stamps_ns: ArrayLike) -> tuple[Floats, NDArray[np.bool_]]:
+    def base_from_cameras(self, stamps_ns: ArrayLike) -> tuple[Floats, Bools]:
         """Return the optical frame's (n, 4, 4) poses in the base, and which of them are known."""
         return self._base_from(self.names.camera, np.asarray(stamps_ns, dtype=np.int64))
 
@@ -247,7 +248,7 @@ class Recording:
         poses, valid = self.fixed_from_bases([stamp_ns])
         return poses[0] if valid[0] else None
 
-    def fixed_from_bases(self, stamps_ns: ArrayLike) -> tuple[Floats, NDArray[np.bool_]]:
+    def fixed_from_bases(self, stamps_ns: ArrayLike) -> tuple[Floats, Bools]:
         """Return the localised (n, 4, 4) poses at (n,) stamps, and which of them are known."""
         stamps = np.asarray(stamps_ns, dtype=np.int64)
         poses, valid = self.tree.lookup(self.names.fixed, self._carrier, stamps)
@@ -268,7 +269,7 @@ class Recording:
         poses, valid = self.odom_from_bases([stamp_ns])
         return poses[0] if valid[0] else None
 
-    def odom_from_bases(self, stamps_ns: ArrayLike) -> tuple[Floats, NDArray[np.bool_]]:
+    def odom_from_bases(self, stamps_ns: ArrayLike) -> tuple[Floats, Bools]:
         """Return the wheel odometry's (n, 4, 4) poses, and which of them are known."""
         stamps = np.asarray(stamps_ns, dtype=np.int64)
         if self.names.odom is None:
@@ -286,7 +287,7 @@ class Recording:
         """The frame of the TF tree that the base is, or is derived from."""
         return self.names.camera if self.names.base_is_virtual else self.names.base
 
-    def _base_from(self, frame: str, stamps_ns: Stamps) -> tuple[Floats, NDArray[np.bool_]]:
+    def _base_from(self, frame: str, stamps_ns: Stamps) -> tuple[Floats, Bools]:
         if not self.names.base_is_virtual:
             return self.tree.lookup(self.names.base, frame, stamps_ns)
         bases, valid = self.fixed_from_bases(stamps_ns)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tablemap.errors import RecordingError
-from tablemap.geometry import Floats
+from tablemap.geometry import Floats, Ints
 from tablemap.recording.messages import CameraInfo
 
 _POLYNOMIAL = ("plumb_bob", "rational_polynomial", "")
@@ -27,7 +27,7 @@ class Rectification:
     """
 
     k: Floats
-    source: NDArray[np.int64] | None
+    source: Ints | None
 
     def apply(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
         """Resample a depth image by the nearest pixel: between two depths there is no surface."""
@@ -184,9 +184,7 @@ def _check(k: Floats, width: float, height: float) -> None:
         )
 
 
-def _source_pixels(
-    info: CameraInfo, k: Floats, target: Floats, width: int, height: int
-) -> NDArray[np.int64]:
+def _source_pixels(info: CameraInfo, k: Floats, target: Floats, width: int, height: int) -> Ints:
     u, v = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
     x, y = (u - target[0, 2]) / target[0, 0], (v - target[1, 2]) / target[1, 1]
     x, y = _distorted(x, y, info.d, info.distortion_model.lower())

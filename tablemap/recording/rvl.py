@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tablemap.geometry import Ints
+
 _SPARE_WORDS = 16  # an image takes less than a word a pixel; what is more is not looked at
 
 
@@ -45,7 +47,7 @@ def decode_rvl(data: bytes | memoryview, *, pixels: int) -> NDArray[np.uint16]:
     return image
 
 
-def _variable_length(words: NDArray[np.uint32]) -> NDArray[np.int64]:
+def _variable_length(words: NDArray[np.uint32]) -> Ints:
     """Return all numbers of the stream: a nibble without the continuation bit ends each."""
     shifts = np.arange(28, -4, -4, dtype=np.uint32)
     parted = np.empty((len(words), 8), np.uint8)

@@ -7,9 +7,7 @@ from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from tablemap.geometry import Ints
 from tablemap.recording.raw import Channel, RawMessage, Source
 
 
@@ -54,7 +52,7 @@ class Several:
         *,
         start_ns: int | None = None,
         end_ns: int | None = None,
-        log_times_ns: NDArray[np.int64] | None = None,
+        log_times_ns: Ints | None = None,
     ) -> Iterator[RawMessage]:
         """Yield the channels' messages by log time, in [start, end] or at given log times."""
         streams = []

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from datetime import UTC, datetime
 
-import numpy as np
-from numpy.typing import NDArray
-
 from tablemap.errors import RecordingError
+from tablemap.geometry import Ints
 from tablemap.recording.decoding import CALIBRATION, TRANSFORMS, kind_of
 from tablemap.recording.raw import Channel, RawMessage, Source
 
@@ -45,7 +43,7 @@ class Window:
         *,
         start_ns: int | None = None,
         end_ns: int | None = None,
-        log_times_ns: NDArray[np.int64] | None = None,
+        log_times_ns: Ints | None = None,
     ) -> Iterator[RawMessage]:
         """Yield the channels' messages by log time, in [start, end] or at given log times."""
         channels = frozenset(channels)

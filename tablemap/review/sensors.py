@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
-from tablemap.geometry import Floats, invert, transform
+from tablemap.geometry import Floats, Ints, invert, transform
 from tablemap.recording import FrameNames, Recording
 from tablemap.recording.messages import Image, LaserScan
 from tablemap.review import colours, text
@@ -53,9 +53,7 @@ def log_recording(stream: Stream, recording: Recording) -> None:
             )
 
 
-def _log_frames(
-    stream: Stream, recording: Recording, stamps_ns: np.typing.NDArray[np.int64]
-) -> None:
+def _log_frames(stream: Stream, recording: Recording, stamps_ns: Ints) -> None:
     names = recording.names
     bases: list[Floats] = []
     odoms: list[Floats] = []

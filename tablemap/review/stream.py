@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tablemap.config import ReviewConfig
 from tablemap.errors import TablemapError
-from tablemap.geometry import Floats, Pose2
+from tablemap.geometry import Floats, Ints, Pose2
 from tablemap.recording import FrameNames, Recording
 from tablemap.review.schema import SCHEMA, described
 
@@ -75,7 +75,7 @@ class DrawnScene:
         return max(bisect.bisect_right(self.stamps_ns, stamp_ns) - 1, 0)
 
 
-def sensor_times(stamps_ns: Sequence[int] | NDArray[np.int64]) -> rr.TimeColumn:
+def sensor_times(stamps_ns: Sequence[int] | Ints) -> rr.TimeColumn:
     """Return stamps as times of the recording's clock."""
     stamps = np.asarray(stamps_ns, dtype=np.int64).astype("datetime64[ns]")
     return rr.TimeColumn("sensor_time", timestamp=stamps)

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tablemap.geometry import Floats, Pose2
+from tablemap.geometry import Bools, Floats, Pose2
 from tablemap.simulation import stereo, structured_light, time_of_flight
 from tablemap.simulation.bending import Bend, draw_bend
 from tablemap.simulation.drive import CAMERA_AHEAD
@@ -128,7 +128,7 @@ class DepthCamera(Lens):
         millimetres[missing | (millimetres > 65535)] = 0
         return millimetres.astype(np.uint16).reshape(self.height, self.width)
 
-    def _read(self, view: View, rng: np.random.Generator) -> tuple[Floats, NDArray[np.bool_]]:
+    def _read(self, view: View, rng: np.random.Generator) -> tuple[Floats, Bools]:
         if self.settings.principle == "stereo":
             return stereo.read(self, view, rng)
         if self.settings.principle == "structured_light":

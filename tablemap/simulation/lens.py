@@ -5,9 +5,8 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tablemap.geometry import Floats
+from tablemap.geometry import Bools, Floats
 from tablemap.simulation.scenario import CameraSection
 
 FX, FY, CX, CY = 538.391, 538.085, 315.307, 233.048
@@ -65,7 +64,7 @@ class Lens:
                 plain = (distorted - shift) / radial[:, None]
         return np.column_stack([plain, np.ones(len(plain))])
 
-    def sees(self, points: Floats) -> NDArray[np.bool_]:
+    def sees(self, points: Floats) -> Bools:
         """Return which points (n, 3) of the camera's frame lie within its image."""
         ahead = points[:, 2] > 0
         x, y = (points[:, :2] / np.where(ahead, points[:, 2], 1.0)[:, None]).T

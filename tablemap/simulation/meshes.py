@@ -9,7 +9,7 @@ import mapbox_earcut
 import numpy as np
 from numpy.typing import NDArray
 
-from tablemap.geometry import Floats, Pose2
+from tablemap.geometry import Floats, Ints, Pose2
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,9 +116,7 @@ def refined(mesh: Mesh, size: float) -> Mesh:
         triangles = np.concatenate(list(_halves(triangles, middles)))
 
 
-def _halves(
-    triangles: NDArray[np.int64], middles: NDArray[np.int64]
-) -> Iterator[NDArray[np.int64]]:
+def _halves(triangles: Ints, middles: Ints) -> Iterator[Ints]:
     """Yield the parts of triangles whose edges (first to second corner first) have ``middles``."""
     count = (middles >= 0).sum(axis=1)
     yield triangles[count == 0]

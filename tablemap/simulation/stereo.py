@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tablemap.geometry import Floats
+from tablemap.geometry import Bools, Floats
 from tablemap.simulation.image_noise import blobs, window_noise
 from tablemap.simulation.lens import Lens
 from tablemap.simulation.view import View, hidden_from, in_front, look_beside
@@ -25,7 +25,7 @@ _AROUND = np.array(
 )
 
 
-def read(lens: Lens, view: View, rng: np.random.Generator) -> tuple[Floats, NDArray[np.bool_]]:
+def read(lens: Lens, view: View, rng: np.random.Generator) -> tuple[Floats, Bools]:
     """Return an image's depths (n,) in metres and a mask of pixels without a match."""
     settings = lens.settings
     depth, parts = view.depth.copy(), view.parts.copy()
@@ -51,7 +51,7 @@ def _fatten(
     view: View,
     depth: Floats,
     parts: NDArray[np.int32],
-    missing: NDArray[np.bool_],
+    missing: Bools,
     noise: Floats,
 ) -> None:
     """Give pixels near depth edges the nearest surface in the window round them."""
@@ -75,7 +75,7 @@ def _fatten(
 
 def _unmatched(
     lens: Lens, view: View, depth: Floats, parts: NDArray[np.int32], rng: np.random.Generator
-) -> NDArray[np.bool_]:
+) -> Bools:
     """Draw pixels without a match: no texture, grazing, far, or seen by only one camera."""
     texture = np.array([part.texture for part in view.scene.parts] + [0.0])[parts]
     gloss = np.array([part.gloss for part in view.scene.parts] + [0.0])[parts]

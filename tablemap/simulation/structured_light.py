@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tablemap.geometry import Floats
+from tablemap.geometry import Bools, Floats
 from tablemap.simulation.image_noise import blobs, window_noise
 from tablemap.simulation.lens import Lens
 from tablemap.simulation.view import View, hidden_from, in_front, look_beside
@@ -20,7 +20,7 @@ _NEAREST = 0.4
 _SUBPIXELS = np.array([[-0.25, -0.25], [0.25, -0.25], [-0.25, 0.25], [0.25, 0.25]])
 
 
-def read(lens: Lens, view: View, rng: np.random.Generator) -> tuple[Floats, NDArray[np.bool_]]:
+def read(lens: Lens, view: View, rng: np.random.Generator) -> tuple[Floats, Bools]:
     """Return an image's depths (n,) in metres and a mask of pixels without a measurement."""
     noise = lens.settings.noise
     depth, cosine, parts = view.depth.copy(), view.cosine.copy(), view.parts.copy()
@@ -49,7 +49,7 @@ def _blur_edges(
     depth: Floats,
     cosine: Floats,
     parts: NDArray[np.int32],
-    missing: NDArray[np.bool_],
+    missing: Bools,
     rng: np.random.Generator,
 ) -> None:
     """Replace the pixels near depth edges: displaced sideways, mixed, or lost."""
@@ -91,7 +91,7 @@ def _unmeasured(
     cosine: Floats,
     parts: NDArray[np.int32],
     rng: np.random.Generator,
-) -> NDArray[np.bool_]:
+) -> Bools:
     """Draw pixels with too little returned light: grazing, dark, far, glossy, behind glass."""
     reflectance = np.array([part.reflectance for part in view.scene.parts] + [0.0])[parts]
     gloss = np.array([part.gloss for part in view.scene.parts] + [0.0])[parts]

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tablemap.geometry import Floats
+from tablemap.geometry import Bools, Floats, Ints
 from tablemap.simulation.image_noise import blobs
 from tablemap.simulation.lens import Lens
 from tablemap.simulation.view import View, in_front, look_beside
@@ -27,7 +27,7 @@ _RECEIVERS, _SENDERS = 16, 32  # pixels between places that receive and that sen
 
 def read(
     lens: Lens, view: View, rng: np.random.Generator, *, multipath: Floats | None
-) -> tuple[Floats, NDArray[np.bool_]]:
+) -> tuple[Floats, Bools]:
     """Return an image's depths (n,) in metres and a mask of pixels without a measurement."""
     settings = lens.settings
     depth, cosine, parts = view.depth.copy(), view.cosine.copy(), view.parts.copy()
@@ -82,7 +82,7 @@ class _Patches:
     light: (m,) irradiance by the camera's light, 1 at 1 m and normal incidence
     """
 
-    def __init__(self, lens: Lens, view: View, pixels: NDArray[np.int64], step: int) -> None:
+    def __init__(self, lens: Lens, view: View, pixels: Ints, step: int) -> None:
         rays = lens.rays[pixels] @ view.map_from_camera[:3, :3].T
         length = np.linalg.norm(rays, axis=1)
         depth, cosine = view.depth[pixels], np.maximum(view.cosine[pixels], 0.05)
@@ -103,7 +103,7 @@ def _patches(lens: Lens, view: View, step: int) -> _Patches:
     return _Patches(lens, view, pixels[np.isfinite(view.depth[pixels])], step)
 
 
-def _spread(lens: Lens, view: View, pixels: NDArray[np.int64], values: Floats) -> Floats:
+def _spread(lens: Lens, view: View, pixels: Ints, values: Floats) -> Floats:
     """Interpolate values (m,) of pixels (m,) to all pixels (n,) of the same surface."""
     rows, columns = (
         np.arange(_RECEIVERS // 2, size, _RECEIVERS) for size in (lens.height, lens.width)
@@ -140,7 +140,7 @@ def _mix_edges(
     depth: Floats,
     cosine: Floats,
     parts: NDArray[np.int32],
-    missing: NDArray[np.bool_],
+    missing: Bools,
     rng: np.random.Generator,
 ) -> None:
     """Replace the pixels near depth edges: mixed, of the larger part, or lost."""
@@ -178,7 +178,7 @@ def _unmeasured(
     light: Floats,
     parts: NDArray[np.int32],
     rng: np.random.Generator,
-) -> NDArray[np.bool_]:
+) -> Bools:
     """Draw pixels with too little returned light; outside of the lit cone there is none."""
     gloss = np.array([part.gloss for part in view.scene.parts] + [0.0])[parts]
     lost = 0.0005 + np.clip(1.2 - light / depth**2 / 0.006, 0.0, 1.0) + 0.6 * view.behind_glass

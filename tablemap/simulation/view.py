@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from tablemap.geometry import Floats
+from tablemap.geometry import Bools, Floats, Ints
 from tablemap.simulation.lens import Lens
 from tablemap.simulation.scene import Scene
 
@@ -31,8 +31,8 @@ class View:
     normals: Floats
     parts: NDArray[np.int32]
     cosine: Floats
-    behind_glass: NDArray[np.bool_]
-    edges: NDArray[np.int64]
+    behind_glass: Bools
+    edges: Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,7 @@ def see(lens: Lens, scene: Scene, glass: Scene | None, map_from_camera: Floats) 
     )
 
 
-def look_beside(lens: Lens, view: View, where: NDArray[np.int64], places: Floats) -> Beside:
+def look_beside(lens: Lens, view: View, where: Ints, places: Floats) -> Beside:
     """Cast rays at image places (n, k, 2) beside the pixels ``where`` (n,)."""
     rotation, origin = view.map_from_camera[:3, :3], view.map_from_camera[:3, 3]
     rays = lens.directions(places.reshape(-1, 2)) @ rotation.T
@@ -104,14 +104,14 @@ def look_beside(lens: Lens, view: View, where: NDArray[np.int64], places: Floats
     )
 
 
-def in_front(depth: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+def in_front(depth: Floats) -> tuple[Floats, Bools]:
     """Return the nearest (n,) of depths (n, k), and which of them are of its surface."""
     nearest = depth.min(axis=1)
     tolerance = 0.02 + 0.01 * np.where(np.isfinite(nearest), nearest, 0.0) ** 2
     return nearest, depth < (nearest + tolerance)[:, None]
 
 
-def hidden_from(lens: Lens, depth: Floats, baseline: float) -> NDArray[np.bool_]:
+def hidden_from(lens: Lens, depth: Floats, baseline: float) -> Bools:
     """Return a mask of places that a nearer surface hides from a second eye to the right.
 
     A place in column u lies at u - f b / z in the image of that eye. It is visible if no place to

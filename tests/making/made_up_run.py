@@ -13,7 +13,7 @@ from tablemap import model as m
 from tablemap import pipeline
 from tablemap.errors import ProcessWarning
 from tablemap.events import OfTable, OtherTable, StageFinished, StageStarted
-from tablemap.geometry import Floats, Pose2
+from tablemap.geometry import Floats, Ints, Pose2
 from tablemap.inputs import Input
 from tablemap.recording import DepthFrame, FrameNames, Recording
 from tablemap.recording.messages import CompressedImage, Image, LaserScan
@@ -133,11 +133,11 @@ class MadeUpRecording(Recording):
         """A stop's pose as the robot believed it."""
         return true_pose(index, self.stops) @ Pose2.from_array(self.offsets[index])
 
-    def depth_stamps(self) -> NDArray[np.int64]:
+    def depth_stamps(self) -> Ints:
         """See `Recording`."""
         return np.array([self.stamp(i) for i in range(self.stops)], dtype=np.int64)
 
-    def depth_frames(self, stamps_ns: NDArray[np.int64] | None = None) -> Iterator[DepthFrame]:
+    def depth_frames(self, stamps_ns: Ints | None = None) -> Iterator[DepthFrame]:
         """See `Recording`."""
         k = np.array([[CAMERA.fx, 0, CAMERA.cx], [0, CAMERA.fy, CAMERA.cy], [0, 0, 1]])
         for i in range(self.stops):
@@ -166,7 +166,7 @@ class MadeUpRecording(Recording):
         origin = true_pose(0, self.stops).inverse()
         return self._between(stamp_ns, lambda i: origin @ true_pose(i, self.stops))
 
-    def pose_stamps(self) -> NDArray[np.int64]:
+    def pose_stamps(self) -> Ints:
         """See `Recording`."""
         return np.linspace(self.start_ns, self.end_ns, 20 * self.stops).astype(np.int64)
 

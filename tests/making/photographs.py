@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from tablemap.geometry import Floats, Pose2
+from tablemap.geometry import Bools, Floats, Pose2
 from tablemap.recording.messages import Image
 from tablemap.stages.segmentation import Label, Segmentation, ViewSegmentation
 from tablemap.stages.snapshots import Camera, Snapshot
@@ -103,7 +103,7 @@ def photograph(
     return snapshot, ViewSegmentation(index, labels, True, None, None, int((what == 1).sum()))
 
 
-def _shadow(truth: Floats, camera: Camera, baseline: float) -> NDArray[np.bool_]:
+def _shadow(truth: Floats, camera: Camera, baseline: float) -> Bools:
     """Return the pixels that a projector ``baseline`` to the right of the camera does not reach."""
     columns = np.arange(camera.width)
     lit = columns - camera.fx * baseline / truth

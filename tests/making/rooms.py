@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tablemap.geometry import Floats, Pose2, interpolate, wrap_angles
+from tablemap.geometry import Bools, Floats, Ints, Pose2, interpolate, wrap_angles
 from tablemap.inputs import Input
 from tablemap.recording import FrameNames, Recording
 from tablemap.recording.messages import CompressedImage, LaserScan
@@ -142,23 +141,21 @@ class Drive:
         """Return the wheels' pose."""
         return self._at(self.wheel_poses, stamp_ns) if self.wheels else None
 
-    def fixed_from_bases(self, stamps_ns: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    def fixed_from_bases(self, stamps_ns: Floats) -> tuple[Floats, Bools]:
         """Return the localised poses, and which are known."""
         return self._all(self.fixed_from_base, stamps_ns)
 
-    def odom_from_bases(self, stamps_ns: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    def odom_from_bases(self, stamps_ns: Floats) -> tuple[Floats, Bools]:
         """Return the wheels' poses, and which are known."""
         return self._all(self.odom_from_base, stamps_ns)
 
     @staticmethod
-    def _all(
-        one: Callable[[int], Floats | None], stamps_ns: Floats
-    ) -> tuple[Floats, NDArray[np.bool_]]:
+    def _all(one: Callable[[int], Floats | None], stamps_ns: Floats) -> tuple[Floats, Bools]:
         poses = [one(int(stamp)) for stamp in stamps_ns]
         known = np.array([pose is not None for pose in poses], dtype=bool)
         return np.array([np.eye(4) if p is None else p for p in poses]).reshape(-1, 4, 4), known
 
-    def pose_stamps(self) -> NDArray[np.int64]:
+    def pose_stamps(self) -> Ints:
         """Return the stamps of the localised poses."""
         return self.stamps
 

@@ -6,12 +6,12 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from rosbags.interfaces import Connection, MessageDefinitionFormat
 from rosbags.rosbag1 import Reader as Reader1
 from rosbags.rosbag2 import Reader as Reader2
 
 from tablemap.errors import ProcessWarning, RecordingError
+from tablemap.geometry import Ints
 from tablemap.recording.raw import Channel, RawMessage
 
 _GAP_NS = 1_000_000_000  # wanted messages that lie nearer are read in one go
@@ -54,7 +54,7 @@ class Bag:
         *,
         start_ns: int | None = None,
         end_ns: int | None = None,
-        log_times_ns: NDArray[np.int64] | None = None,
+        log_times_ns: Ints | None = None,
     ) -> Iterator[RawMessage]:
         """Yield the channels' messages by log time, in [start, end] or at given log times."""
         first = self.start_ns if start_ns is None else start_ns

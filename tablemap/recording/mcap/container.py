@@ -16,11 +16,11 @@ from typing import BinaryIO
 import numpy as np
 from mcap import records as mcap_records
 from mcap.opcode import Opcode
-from numpy.typing import NDArray
 
 from tablemap.config import LimitsConfig
 from tablemap.config.limits import MIB
 from tablemap.errors import ProcessWarning, RecordingError
+from tablemap.geometry import Ints
 from tablemap.recording.mcap.chunks import Unpacked, parse_chunk, unpack
 from tablemap.recording.mcap.index import (
     MAGIC,
@@ -93,7 +93,7 @@ class Container:
         *,
         start_ns: int | None = None,
         end_ns: int | None = None,
-        log_times_ns: NDArray[np.int64] | None = None,
+        log_times_ns: Ints | None = None,
     ) -> Iterator[RawMessage]:
         """Yield the channels' messages in log time order, in [start, end] or at given log times.
 
@@ -241,6 +241,6 @@ def _pop(heap: list[tuple[int, int, int, _Cursor]]) -> tuple[RawMessage, int]:
     return message, len(cursor.messages.data)
 
 
-def _any_within(times_ns: NDArray[np.int64], span: Span) -> bool:
+def _any_within(times_ns: Ints, span: Span) -> bool:
     first = np.searchsorted(times_ns, span.start_ns, side="left")
     return bool(first < np.searchsorted(times_ns, span.end_ns, side="right"))

@@ -13,20 +13,20 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from tablemap.config import LimitsConfig
 from tablemap.errors import RecordingError
-from tablemap.geometry import Floats
+from tablemap.geometry import Bools, Floats, Ints
 from tablemap.recording.tf.tracks import MAX_GAP_NS, Conflict
 
 TOLERANCE_NS = 100_000_000
 GAP_METRES = 0.05
 GAP_RADIANS = 0.05
 
-Stamps = NDArray[np.int64]
-Mask = NDArray[np.bool_]
+Stamps = Ints
+"""Nanoseconds of sensor time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class TransformEdge:
         return np.asarray(_matrices(self.translations[:1], self.quaternions[:1])[0])
 
     @cached_property
-    def _bridged(self) -> Mask:
+    def _bridged(self) -> Bools:
         """The (n - 1,) gaps between samples over which may be interpolated."""
         moved = np.linalg.norm(np.diff(self.translations, axis=0), axis=1)
         cosine = np.abs(np.sum(self.quaternions[1:] * self.quaternions[:-1], axis=1))
@@ -61,7 +61,7 @@ class TransformEdge:
         agree = (moved <= GAP_METRES) & (turned <= GAP_RADIANS)
         return np.asarray(agree | (np.diff(self.stamps_ns) <= MAX_GAP_NS))
 
-    def at(self, stamps_ns: Stamps) -> tuple[Floats, Mask]:
+    def at(self, stamps_ns: Stamps) -> tuple[Floats, Bools]:
         """Return (n, 4, 4) poses, and (n,) which of them are covered by samples."""
         if self.is_static:
             shape = (len(stamps_ns), 4, 4)
@@ -165,7 +165,7 @@ class TransformTree:
             f"{ancestors[-1]!r}, the other from {ascended[-1]!r}; record the transforms between."
         )
 
-    def lookup(self, target: str, source: str, stamps_ns: ArrayLike) -> tuple[Floats, Mask]:
+    def lookup(self, target: str, source: str, stamps_ns: ArrayLike) -> tuple[Floats, Bools]:
         """Return ``target_from_source`` (n, 4, 4) at (n,) stamps, and which of them are covered.
 
         Raises `RecordingError` where the frames are not connected at all.

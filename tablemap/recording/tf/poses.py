@@ -11,12 +11,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tablemap.config import TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
-from tablemap.geometry import Floats
+from tablemap.geometry import Floats, Ints
 from tablemap.recording.messages import TransformStamped
 from tablemap.recording.tf.frame_roles import BASE_NAMES, FIXED_NAMES, ODOM_NAMES
 from tablemap.recording.tf.frames import Stamps, TransformEdge, TransformTree
@@ -132,7 +131,7 @@ def _hung(tree: TransformTree, track: PoseTrack, child: str) -> TransformTree:
     return _with(tree, TransformEdge(track.frame, root, stamps, poses[:, :3, 3], turns))
 
 
-def _held(stamps: Stamps, first: int, last: int) -> tuple[Stamps, NDArray[np.int64]]:
+def _held(stamps: Stamps, first: int, last: int) -> tuple[Stamps, Ints]:
     """Return stamps between which nothing moves but in steps, and whose value holds at each."""
     if not len(stamps):
         return stamps, np.zeros(0, dtype=np.int64)

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from tablemap.geometry import Floats
+from tablemap.geometry import Bools, Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +43,7 @@ class Rows:
     def __len__(self) -> int:
         return len(self.distance)
 
-    def only(self, keep: NDArray[np.bool_]) -> Rows:
+    def only(self, keep: Bools) -> Rows:
         """Return the rows that ``keep`` (n,) selects."""
         return Rows(**{field.name: getattr(self, field.name)[keep] for field in fields(self)})
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tablemap.geometry import Floats, Pose2, invert, transform
+from tablemap.geometry import Bools, Floats, Pose2, invert, transform
 from tablemap.model.shapes import ShapeRecord, shape_named
 from tablemap.robust import mad_sigma
 from tablemap.stages.crosscheck.rows import Rows, bias_row, stacked, together
@@ -185,7 +184,7 @@ def _window(
 
 
 def _silhouettes(
-    on: NDArray[np.bool_], depth: Floats, bearing: Floats, level: Floats, away: float
+    on: Bools, depth: Floats, bearing: Floats, level: Floats, away: float
 ) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
     """Return the bearings and heights of the left and of the right border, row by row.
 
@@ -230,7 +229,7 @@ def _values(leg: Leg, centre: Floats, pose: Pose2) -> Floats:
 
 
 def _face(
-    kind: ShapeRecord, values: Floats, points: Floats, rays: Floats, on: NDArray[np.bool_]
+    kind: ShapeRecord, values: Floats, points: Floats, rays: Floats, on: Bools
 ) -> tuple[float, Floats, float, Floats] | None:
     """Return the face's median distance, mean normal (2,), robust spread and middle (2,)."""
     inner = on.copy()

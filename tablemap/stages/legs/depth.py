@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from scipy import ndimage
 from shapely.geometry import Polygon
 
 from tablemap.config import LegsConfig, SensorsConfig
-from tablemap.geometry import Floats, Pose2, invert, transform
+from tablemap.geometry import Bools, Floats, Pose2, invert, transform
 from tablemap.stages.legs.evidence import LegEvidence
 from tablemap.stages.legs.silhouettes import WALL_DISTANCE, Walls
 from tablemap.stages.snapshots import Snapshot
@@ -171,7 +170,7 @@ def _post(
     by_view: dict[int, Floats],
     centre: Floats,
     size: float,
-    column: NDArray[np.bool_],
+    column: Bools,
     config: LegsConfig,
     sensors: SensorsConfig,
 ) -> Post | None:

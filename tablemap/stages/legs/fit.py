@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
-from tablemap.geometry import Floats
+from tablemap.geometry import Floats, Ints
 from tablemap.model.shapes import ShapeRecord
 from tablemap.robust import reduced_chi_square
 from tablemap.stages.legs.evidence import LegEvidence
@@ -184,7 +183,7 @@ class _LegRows:
     sigma: Floats
     slope: Floats
     pose: Floats
-    group: NDArray[np.int64]
+    group: Ints
     tangents: int
     unexplained: int
 
@@ -192,7 +191,7 @@ class _LegRows:
 def _linearised(
     kind: ShapeRecord,
     x: Floats,
-    own: NDArray[np.int64],
+    own: Ints,
     evidence: LegEvidence,
     beam: int,
     groups: int,
@@ -241,7 +240,7 @@ def _add(
     normal: Floats,
     gradient: Floats,
     rows: _LegRows,
-    own: NDArray[np.int64],
+    own: Ints,
     poses: int,
     groups: int,
 ) -> None:

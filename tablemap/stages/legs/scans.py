@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tablemap.config import LegsConfig
-from tablemap.geometry import Floats, Pose2
+from tablemap.geometry import Bools, Floats, Ints, Pose2
 from tablemap.recording import Recording
 from tablemap.recording.messages import LaserScan
 from tablemap.stages.odometry import Trajectory, combine_beams
@@ -43,9 +42,9 @@ class Scans:
     ranges: Floats
     pivots: Floats
     spacing: Floats
-    standing: NDArray[np.bool_]
-    groups: NDArray[np.int64]
-    group_stops: NDArray[np.int64]
+    standing: Bools
+    groups: Ints
+    group_stops: Ints
     noise: Floats
     height: float
 

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tablemap.geometry import Floats
+from tablemap.geometry import Floats, Ints
 from tablemap.stages.odometry.trajectory import Trajectory, composed, undone
 
 _GAP_STEPS = 4.0  # usual distances between two scans: a longer way is a gap
 
 
-def bridge(
-    placed: Trajectory, wheels: Trajectory, *, moved: float
-) -> tuple[Trajectory, NDArray[np.int64]]:
+def bridge(placed: Trajectory, wheels: Trajectory, *, moved: float) -> tuple[Trajectory, Ints]:
     """Fill the gaps between placed scans by the wheels; return the gaps' stamps (g, 2) too.
 
     A straight line between two scans is wrong if the base drove a curve between them. In a gap the
@@ -44,8 +41,8 @@ def bridge(
 def _carried(
     placed: Trajectory,
     wheels: Trajectory,
-    at: NDArray[np.int64],
-    inside: NDArray[np.int64],
+    at: Ints,
+    inside: Ints,
     first: int | None,
     last: int | None,
 ) -> Floats:

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tablemap.geometry import Floats
+from tablemap.geometry import Floats, Ints
 
 
-def fit_windows(
-    points: Floats, first: NDArray[np.int64], last: NDArray[np.int64]
-) -> tuple[Floats, Floats, Floats]:
+def fit_windows(points: Floats, first: Ints, last: Ints) -> tuple[Floats, Floats, Floats]:
     """Fit a line to each window ``points[first[i]:last[i]]`` of (n, 2) finite points.
 
     Returns unit normals (m, 2) of either sign, and the points' variances along and across the

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tablemap.errors import EstimationError
-from tablemap.geometry import Floats
+from tablemap.geometry import Bools, Floats, Ints
 from tablemap.recording import Recording
 from tablemap.stages.odometry.result import MotionSource
 from tablemap.stages.odometry.trajectory import Trajectory, composed, undone
 from tablemap.stages.snapshots import Snapshot
 
-PosesAt = Callable[[NDArray[np.int64]], tuple[Floats, NDArray[np.bool_]]]
+PosesAt = Callable[[Ints], tuple[Floats, Bools]]
 """Returns the poses (n, 4, 4) at stamps (n,), and a mask of the known ones."""
 
 _LONGEST = 20_000
@@ -51,19 +50,19 @@ def recorded_trajectory(
     return Trajectory.of([(s.stamp_ns, s.map_from_base) for s in snapshots]), "localisation"
 
 
-def thinned_stamps(recording: Recording) -> NDArray[np.int64]:
+def thinned_stamps(recording: Recording) -> Ints:
     """Return the stamps of the recorded poses, evenly thinned to at most 20 000."""
     stamps = np.unique(recording.pose_stamps()).astype(np.int64)
     return stamps[:: -(-max(len(stamps), 1) // _LONGEST)]
 
 
-def known_poses(poses_at: PosesAt, stamps_ns: NDArray[np.int64]) -> Trajectory:
+def known_poses(poses_at: PosesAt, stamps_ns: Ints) -> Trajectory:
     """Return the recorded poses at the stamps that have one."""
     matrices, known = poses_at(stamps_ns)
     return Trajectory(stamps_ns[known], _planar(matrices[known]))
 
 
-def sampled(poses_at: PosesAt, stamps_ns: NDArray[np.int64]) -> Trajectory:
+def sampled(poses_at: PosesAt, stamps_ns: Ints) -> Trajectory:
     """Sample a recorded pose at stamps (n,); an unknown pose repeats the last known one."""
     matrices, known = poses_at(stamps_ns)
     if not known.any():

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tablemap.errors import ProcessWarning
-from tablemap.geometry import Floats, Pose2
+from tablemap.geometry import Floats, Ints, Pose2
 from tablemap.stages.odometry.trajectory import Trajectory
 
 MotionSource = Literal["laser", "wheels", "localisation"]
@@ -76,7 +75,7 @@ class Odometry:
     source: MotionSource
     scans_used: int
     scans_skipped: int
-    gaps: NDArray[np.int64]
+    gaps: Ints
     open_way: Floats
     warnings: tuple[ProcessWarning, ...]
 

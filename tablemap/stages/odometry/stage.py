@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tablemap.config import OdometryConfig, SensorsConfig
 from tablemap.errors import ProcessWarning
 from tablemap.events import Record
-from tablemap.geometry import Floats
+from tablemap.geometry import Floats, Ints
 from tablemap.recording import Recording
 from tablemap.stages.odometry.bridging import bridge
 from tablemap.stages.odometry.placing import PlacedScans, place_scans
@@ -80,7 +79,7 @@ def estimate_odometry(
     )
 
 
-def _open_way(placed: PlacedScans, stamps_ns: NDArray[np.int64]) -> Floats:
+def _open_way(placed: PlacedScans, stamps_ns: Ints) -> Floats:
     """Return (n, 2, 2) metres of way, up to each stamp, that the placed scans left open."""
     steps = np.diff(placed.trajectory.way())[:, None, None] * placed.left_open[1:]
     summed = np.concatenate([np.zeros((1, 2, 2)), np.cumsum(steps, axis=0)]).reshape(-1, 4)
@@ -102,7 +101,7 @@ def _left_open(trajectory: Trajectory, open_way: Floats, prior: str) -> list[Pro
     return [ProcessWarning("odometry.left_open", "odometry", message, stamp_ns)]
 
 
-def _bridged(trajectory: Trajectory, gaps: NDArray[np.int64]) -> list[ProcessWarning]:
+def _bridged(trajectory: Trajectory, gaps: Ints) -> list[ProcessWarning]:
     if not len(gaps):
         return []
     ways = [trajectory.way_between(*gap) for gap in gaps]

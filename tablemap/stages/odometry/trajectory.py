@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tablemap.geometry import Floats, Pose2, compose, wrap_angles
+from tablemap.geometry import Floats, Ints, Pose2, compose, wrap_angles
 
 _TURN_WEIGHT = 0.3  # metres of way for a radian of turning
 
@@ -17,7 +16,7 @@ _TURN_WEIGHT = 0.3  # metres of way for a radian of turning
 class Trajectory:
     """Base poses over time: ``stamps_ns`` (n,) int64 ascending, ``poses`` (n, 3) x, y, yaw."""
 
-    stamps_ns: NDArray[np.int64]
+    stamps_ns: Ints
     poses: Floats
 
     def at(self, stamp_ns: int) -> Pose2:

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from tablemap.geometry import Floats, Pose2, wrap_angles
+from tablemap.geometry import Floats, Ints, Pose2, wrap_angles
 
 _ITERATIONS = 12
 # Robust kernels begin nearly quadratic and are tightened step by step (graduated non-convexity).
@@ -184,7 +183,7 @@ def _normal_equations(
     return system, gradient
 
 
-def edge_jacobians(poses: Floats, edges: Sequence[GraphEdge]) -> tuple[Floats, NDArray[np.int64]]:
+def edge_jacobians(poses: Floats, edges: Sequence[GraphEdge]) -> tuple[Floats, Ints]:
     """Return the derivatives (e, 3, 7) of the edges' residuals, and their columns (e, 7).
 
     The columns are x, y, yaw of the source, then of the target, and last the yaw scale.
@@ -214,7 +213,7 @@ def accumulate(
     system: Floats,
     gradient: Floats,
     jacobian: Floats,
-    columns: NDArray[np.int64],
+    columns: Ints,
     information: Floats,
     error: Floats,
 ) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from tablemap.config import SegmentationConfig, SensorsConfig
-from tablemap.geometry import Floats
+from tablemap.geometry import Bools, Floats
 from tablemap.robust import geman_mcclure, tukey
 from tablemap.stages.segmentation.result import TableCandidate
 from tablemap.stages.segmentation.views import LEAST_UPWARD, SampledView, inside, tolerance
@@ -56,7 +56,7 @@ class Height:
     scatter: float
 
 
-def region(view: SampledView, candidate: TableCandidate, reach: float) -> NDArray[np.bool_]:
+def region(view: SampledView, candidate: TableCandidate, reach: float) -> Bools:
     """Return a mask (h, w) of pixels within reach of the candidate, by the localised pose."""
     base_from_map = view.snapshot.map_from_base.inverse()
     hull = np.asarray(base_from_map.apply(candidate.hull))
@@ -118,9 +118,7 @@ def joint_height(
     return Height(value, float(np.hypot(between, floor)), planes, scatter)
 
 
-def _joint_mode(
-    views: list[SampledView], samples: list[NDArray[np.bool_]], height: float
-) -> float | None:
+def _joint_mode(views: list[SampledView], samples: list[Bools], height: float) -> float | None:
     """Return the height on which most pixels of all views agree; every view counts the same."""
     bins = round(2 * SEARCH_M / BIN_M)
     total = np.zeros(bins)
@@ -146,8 +144,8 @@ def _joint_mode(
 
 def _view_height(
     view: SampledView,
-    near: NDArray[np.bool_],
-    place: NDArray[np.bool_],
+    near: Bools,
+    place: Bools,
     mode: float,
     sensors: SensorsConfig,
 ) -> tuple[Plane, float, int] | None:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from tablemap.config import SegmentationConfig
+from tablemap.geometry import Bools, Ints
 from tablemap.stages.segmentation.height import Plane, region
 from tablemap.stages.segmentation.result import Label, TableCandidate, ViewSegmentation
 from tablemap.stages.segmentation.views import (
@@ -81,13 +82,13 @@ def label_view(
     )
 
 
-def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _grown(mask: Bools) -> Bools:
     """Return the mask grown by two pixels, as much as an opening removes from the rim."""
-    grown: NDArray[np.bool_] = ndimage.maximum_filter(mask.view(np.uint8), 5).view(np.bool_)
+    grown: Bools = ndimage.maximum_filter(mask.view(np.uint8), 5).view(np.bool_)
     return grown
 
 
-def _surfaces(view: SampledView, in_band: NDArray[np.bool_]) -> NDArray[np.int32]:
+def _surfaces(view: SampledView, in_band: Bools) -> NDArray[np.int32]:
     """Label the connected surfaces in the band, without walls and slivers (0)."""
     filled = ndimage.uniform_filter(in_band.astype(np.float32), 3) > 0.5
     eroded = ndimage.minimum_filter((filled & in_band).view(np.uint8), 5)
@@ -109,11 +110,11 @@ def _surfaces(view: SampledView, in_band: NDArray[np.bool_]) -> NDArray[np.int32
 def _top(
     view: SampledView,
     surfaces: NDArray[np.int32],
-    over: NDArray[np.bool_],
-    below: NDArray[np.bool_],
+    over: Bools,
+    below: Bools,
     candidate: TableCandidate,
     config: SegmentationConfig,
-) -> NDArray[np.bool_]:
+) -> Bools:
     """Return the surfaces of this top: the one at its place, and parts that clutter cut off.
 
     If the view saw through a gap between two surfaces of one height, the second one is another
@@ -136,7 +137,7 @@ def _top(
         return none
     close = np.flatnonzero(near > BRIDGED_SHARE * np.maximum(whole, 1e-9))
     if len(close) <= 1:
-        top: NDArray[np.bool_] = surfaces == int(np.argmax(score))
+        top: Bools = surfaces == int(np.argmax(score))
         return top
     thin = surfaces[::GAP_STEP_PX, ::GAP_STEP_PX]
     bridges, _ = ndimage.label(
@@ -152,17 +153,17 @@ def _top(
         joined = _joined(int(seed), close, thin, bridges, through, near < NEAR_SHARE * whole)
         sets.append((float(score[joined].sum()), joined))
     _, best = max(sets, key=lambda entry: entry[0])
-    result: NDArray[np.bool_] = np.isin(surfaces, best)
+    result: Bools = np.isin(surfaces, best)
     return result
 
 
 def _joined(
     main: int,
-    close: NDArray[np.int64],
+    close: Ints,
     thin: NDArray[np.int32],
     bridges: NDArray[np.int32],
-    through: NDArray[np.bool_],
-    is_far: NDArray[np.bool_],
+    through: Bools,
+    is_far: Bools,
 ) -> list[int]:
     """Return the surface ``main`` and those of ``close`` without a gap between.
 
@@ -191,10 +192,10 @@ def _joined(
 
 def _standing(
     view: SampledView,
-    top: NDArray[np.bool_],
-    over: NDArray[np.bool_],
+    top: Bools,
+    over: Bools,
     above_plane: NDArray[np.float32],
-) -> NDArray[np.bool_]:
+) -> Bools:
     """Return the pixels above the plane that belong to things standing on the top."""
     hull = shapely.MultiPoint(view.points[top][:: max(1, int(top.sum()) // 4000), :2]).convex_hull
     if hull.geom_type != "Polygon":
@@ -221,5 +222,5 @@ def _standing(
     stands[0] = False
     on_top = stands[labels] & within_hull
     # Pixels on the cuts between regions follow their neighbours.
-    standing: NDArray[np.bool_] = on_top | (over & within_hull & (labels == 0) & _grown(on_top))
+    standing: Bools = on_top | (over & within_hull & (labels == 0) & _grown(on_top))
     return standing

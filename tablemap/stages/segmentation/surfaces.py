@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from tablemap.config import SegmentationConfig
-from tablemap.geometry import Floats
+from tablemap.geometry import Bools, Floats, Ints
 from tablemap.stages.segmentation.views import LEAST_UPWARD, SampledView, is_parted, tolerance
 
 BIN_M = 0.005
@@ -66,7 +66,7 @@ def find_patches(view: SampledView, config: SegmentationConfig) -> list[Patch]:
     band = tolerance(view.sigma, _TOLERANCE)
     least = _LEAST_COARSE_AREA if view.is_coarse else _LEAST_AREA
     patches: list[Patch] = []
-    masks: list[NDArray[np.bool_]] = []
+    masks: list[Bools] = []
     left = candidate.copy()
     for _ in range(MOST_LEVELS):
         level = _fullest_level(z[left], view.area[left], least, config)
@@ -91,9 +91,7 @@ def find_patches(view: SampledView, config: SegmentationConfig) -> list[Patch]:
     return _told_apart(view, patches, masks)
 
 
-def _told_apart(
-    view: SampledView, patches: list[Patch], masks: list[NDArray[np.bool_]]
-) -> list[Patch]:
+def _told_apart(view: SampledView, patches: list[Patch], masks: list[Bools]) -> list[Patch]:
     """Note for each patch the others at about its height that a gap separates from it."""
     parted: list[set[int]] = [set() for _ in patches]
     thin = [mask[::GAP_STEP_PX, ::GAP_STEP_PX] for mask in masks]
@@ -135,7 +133,7 @@ def _fullest_level(
     return float(np.average(centres, weights=histogram[around]))
 
 
-def _describe(view: SampledView, mask: NDArray[np.bool_], area: float, number: int) -> Patch:
+def _describe(view: SampledView, mask: Bools, area: float, number: int) -> Patch:
     snapshot = view.snapshot
     inside = view.points[mask]
     height = float(np.median(inside[:, 2]))
@@ -177,26 +175,22 @@ _UNDER_M = 0.12  # metres below a top: from here on it is the space under the to
 _LEAST_CELLS = 6
 
 
-def _count(region: NDArray[np.bool_], cells: NDArray[np.int64]) -> int:
+def _count(region: Bools, cells: Ints) -> int:
     """Return the number of cells of a region that occur at least twice among the given cells."""
     hits = np.zeros(region.shape, dtype=np.int64)
     np.add.at(hits, tuple(cells.T), 1)
     return int((region & (hits >= 2)).sum())
 
 
-def _convex(grid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _convex(grid: Bools) -> Bools:
     """Return the convex hull of a grid's cells."""
     hull = shapely.MultiPoint(np.argwhere(grid)).convex_hull.buffer(0.5)
     rows, columns = np.indices(grid.shape)
-    inside: NDArray[np.bool_] = shapely.contains_xy(hull, rows.ravel(), columns.ravel()).reshape(
-        grid.shape
-    )
+    inside: Bools = shapely.contains_xy(hull, rows.ravel(), columns.ravel()).reshape(grid.shape)
     return inside
 
 
-def _surroundings(
-    view: SampledView, cells: NDArray[np.int64], height: float
-) -> tuple[float | None, float]:
+def _surroundings(view: SampledView, cells: Ints, height: float) -> tuple[float | None, float]:
     """Return a surface's open share below, and the share of its rim where something rises.
 
     Under a table there is a view of what lies behind; a couch, a bench or a cupboard has a front. A
@@ -217,18 +211,18 @@ def _surroundings(
         lower = z < height - _UNDER_M
         upper = (z > height + 0.10) & (z < height + 0.70)
 
-    def where(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    def where(mask: Bools) -> tuple[Ints, NDArray[np.float32]]:
         points = view.points[mask]
         index = np.floor(points[:, :2] / CELL_M).astype(np.int64) - low
         fits = np.all((index >= 0) & (index < np.array(shape)), axis=1)
         return index[fits], points[fits, 2]
 
-    def crossing(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
+    def crossing(mask: Bools) -> Ints:
         """Return the cells in which the rays to some points pass a plane just under the top."""
         share = (camera[2] - (height - _UNDER_M)) / (camera[2] - z[mask])
         passed = camera[:2] + share[:, None] * (view.points[mask][:, :2] - camera[:2])
         index = np.floor(passed / CELL_M).astype(np.int64) - low
-        fits: NDArray[np.int64] = index[np.all((index >= 0) & (index < np.array(shape)), axis=1)]
+        fits: Ints = index[np.all((index >= 0) & (index < np.array(shape)), axis=1)]
         return fits
 
     under, heights = where(lower)

@@ -11,6 +11,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from tablemap.geometry import Bools
 from tablemap.stages.snapshots import Snapshot, depth_sigma
 from tablemap.stages.snapshots.normals import upward_share
 
@@ -87,9 +88,7 @@ def tolerance(sigma: NDArray[np.float32], least: float) -> NDArray[np.float32]:
     return width
 
 
-def inside(
-    area: shapely.Geometry, points: NDArray[np.float32], among: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
+def inside(area: shapely.Geometry, points: NDArray[np.float32], among: Bools) -> Bools:
     """Return which of the pixels ``among`` lie in a polygon in the base, to half a cell."""
     result = np.zeros_like(among)
     if area.geom_type != "Polygon" or area.is_empty:
@@ -109,9 +108,7 @@ def inside(
     return result
 
 
-def is_parted(
-    first: NDArray[np.bool_], second: NDArray[np.bool_], through: NDArray[np.bool_]
-) -> bool:
+def is_parted(first: Bools, second: Bools, through: Bools) -> bool:
     """Tell whether the shortest way between two surfaces mostly crosses pixels of a gap.
 
     All arguments are masks of one image; both surfaces have pixels.

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tablemap.config import SnapshotsConfig
 from tablemap.errors import EstimationError
-from tablemap.geometry import Floats, Pose2, wrap_angles
+from tablemap.geometry import Bools, Floats, Ints, Pose2, wrap_angles
 from tablemap.recording import Recording
 from tablemap.stages.snapshots.result import SetAside, Viewpoint
 from tablemap.stages.snapshots.stops import SECOND_NS, choose_by_new_view, far_apart
@@ -28,7 +27,7 @@ class _Look:
     """One direction and its images; ``mount`` (4, 4) is the camera's pose in the base."""
 
     mount: Floats
-    stamps_ns: NDArray[np.int64]
+    stamps_ns: Ints
 
 
 def by_direction(
@@ -67,7 +66,7 @@ def by_direction(
     return _shared_out(stop, [look.stamps_ns for look in looks]), aside
 
 
-def views_at(recording: Recording, stamps_ns: NDArray[np.int64]) -> Floats:
+def views_at(recording: Recording, stamps_ns: Ints) -> Floats:
     """Return (n, 4): the base's x and y, metres, the camera's heading and elevation, radians.
 
     If the camera never turned in the base, the heading is that of the base.
@@ -110,7 +109,7 @@ def same_mount(first: Floats, second: Floats) -> bool:
     return bool(_alike(first[None], second)[0])
 
 
-def _runs(stamps: NDArray[np.int64], mounts: Floats) -> list[_Look]:
+def _runs(stamps: Ints, mounts: Floats) -> list[_Look]:
     """Group images taken far apart in time, as from a camera that rests for each image."""
     looks: list[_Look] = []
     first = 0
@@ -123,7 +122,7 @@ def _runs(stamps: NDArray[np.int64], mounts: Floats) -> list[_Look]:
 
 
 def _rests(
-    recording: Recording, stop: Viewpoint, stamps: NDArray[np.int64], config: SnapshotsConfig
+    recording: Recording, stop: Viewpoint, stamps: Ints, config: SnapshotsConfig
 ) -> list[_Look]:
     """Find the camera's rests that last as long as a stop must; use TF, not the images' stamps."""
     step = max(SAMPLE_NS, (stop.end_ns - stop.start_ns) // MOST_SAMPLES)
@@ -169,7 +168,7 @@ def _once_each(looks: list[_Look]) -> tuple[list[_Look], list[SetAside]]:
     return sorted(kept, key=lambda one: int(one.stamps_ns[0])), aside
 
 
-def _shared_out(stop: Viewpoint, views: list[NDArray[np.int64]]) -> list[Viewpoint]:
+def _shared_out(stop: Viewpoint, views: list[Ints]) -> list[Viewpoint]:
     """Divide a stop's time at the middles between its views' images."""
     parts = [(int(before[-1]) + int(after[0])) // 2 for before, after in pairwise(views)]
     starts = [stop.start_ns, *(part + 1 for part in parts)]
@@ -184,13 +183,13 @@ def _angles(mounts: Floats) -> Floats:
     return np.column_stack([turned_left(mounts), np.arcsin(np.clip(mounts[:, 2, 2], -1.0, 1.0))])
 
 
-def _alike(mounts: Floats, other: Floats) -> NDArray[np.bool_]:
+def _alike(mounts: Floats, other: Floats) -> Bools:
     """Return which of (n, 4, 4) mountings equal another (4, 4) up to the jitter of encoders."""
     shift, angle = _apart(mounts, other)
     return np.asarray((shift < SAME_MOUNT_M) & (angle < SAME_MOUNT_ANGLE))
 
 
-def _elsewhere(mounts: Floats, other: Floats) -> NDArray[np.bool_]:
+def _elsewhere(mounts: Floats, other: Floats) -> Bools:
     """Return which of (n, 4, 4) mountings look elsewhere than another (4, 4)."""
     shift, angle = _apart(mounts, other)
     return np.asarray((shift >= ELSEWHERE_M) | (angle >= ELSEWHERE_ANGLE))

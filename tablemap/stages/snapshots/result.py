@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tablemap.geometry import Floats, Pose2, transform
+from tablemap.geometry import Floats, Ints, Pose2, transform
 from tablemap.recording.messages import CompressedImage, Image
 
 SnapshotsKind = Literal["stops", "keyframes"]
@@ -44,7 +44,7 @@ class Viewpoint:
 
     start_ns: int
     end_ns: int
-    stamps_ns: NDArray[np.int64]
+    stamps_ns: Ints
 
     @property
     def middle_ns(self) -> int:

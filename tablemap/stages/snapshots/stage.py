@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tablemap.config import SensorsConfig, SnapshotsConfig
 from tablemap.errors import EstimationError, RecordingError
-from tablemap.geometry import Pose2, invert
+from tablemap.geometry import Ints, Pose2, invert
 from tablemap.recording import DepthFrame, Recording
 from tablemap.stages.snapshots.combining import combine
 from tablemap.stages.snapshots.directions import by_direction, planar_pose, same_mount, views_at
@@ -72,9 +71,7 @@ def take_snapshots(
     return Snapshots(tuple(snapshots), tuple(aside), kind)
 
 
-def _with_pose(
-    recording: Recording, stamps: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], list[SetAside]]:
+def _with_pose(recording: Recording, stamps: Ints) -> tuple[Ints, list[SetAside]]:
     """Return the stamps with a localised pose, and a note for each stamp without one."""
     known = np.array([recording.fixed_from_base(int(s)) is not None for s in stamps], dtype=bool)
     names = recording.names
@@ -97,7 +94,7 @@ def _with_pose(
 
 def _plan(
     recording: Recording,
-    stamps: NDArray[np.int64],
+    stamps: Ints,
     config: SnapshotsConfig,
     sensors: SensorsConfig,
 ) -> tuple[SnapshotsKind, list[Viewpoint]]:
@@ -122,7 +119,7 @@ def _plan(
     return "keyframes", [Viewpoint(int(s), int(s), np.array([s])) for s in stamps]
 
 
-def _by_place(recording: Recording, stamps: NDArray[np.int64]) -> list[Viewpoint]:
+def _by_place(recording: Recording, stamps: Ints) -> list[Viewpoint]:
     """Group images that are far apart in time: consecutive ones at one place are one viewpoint."""
     groups: list[list[int]] = []
     place: Pose2 | None = None
@@ -138,7 +135,7 @@ def _by_place(recording: Recording, stamps: NDArray[np.int64]) -> list[Viewpoint
 
 def _limit(
     recording: Recording, viewpoints: list[Viewpoint], kind: str, config: SnapshotsConfig
-) -> NDArray[np.int64]:
+) -> Ints:
     """Return the indices of the viewpoints to keep, at most the configured number."""
     if all(len(v.stamps_ns) > 1 or v.end_ns > v.start_ns for v in viewpoints) and (
         len(viewpoints) <= config.maximum
@@ -219,7 +216,7 @@ def _decode(
     return snapshots, aside
 
 
-def _spread(stamps: NDArray[np.int64], most: int) -> NDArray[np.int64]:
+def _spread(stamps: Ints, most: int) -> Ints:
     """Return at most ``most`` stamps, evenly spread, with the middle stamp among them."""
     if len(stamps) <= most:
         return stamps

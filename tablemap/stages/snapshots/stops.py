@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tablemap.config import SensorsConfig, SnapshotsConfig
-from tablemap.geometry import Floats, Pose2, wrap_angles
+from tablemap.geometry import Floats, Ints, Pose2, wrap_angles
 from tablemap.recording import Recording
 
 SECOND_NS = 1_000_000_000
@@ -24,12 +23,12 @@ _LONGEST_JUMP = 0.5  # metres: after a longer jump the localisation is lost, not
 class BaseMotion:
     """Planar poses over time: ``stamps_ns`` (n,), ``poses`` (n, 3) with yaw unwrapped."""
 
-    stamps_ns: NDArray[np.int64]
+    stamps_ns: Ints
     poses: Floats
     source: _Source
 
 
-def sample_motion(recording: Recording, depth_stamps: NDArray[np.int64]) -> BaseMotion:
+def sample_motion(recording: Recording, depth_stamps: Ints) -> BaseMotion:
     """Sample the base's motion from the wheels if recorded, else from the localisation.
 
     The localisation may jump while the base stands; the wheels do not.
@@ -102,12 +101,12 @@ def is_same_place(first: Pose2, second: Pose2) -> bool:
     return first.is_near(second, metres=SAME_PLACE_M, radians=SAME_HEADING)
 
 
-def far_apart(stamps: NDArray[np.int64]) -> bool:
+def far_apart(stamps: Ints) -> bool:
     """Tell whether stamps are so far apart in time that each is its own viewpoint."""
     return len(stamps) < 2 or float(np.median(np.diff(stamps))) > SECOND_NS
 
 
-def choose_by_new_view(views: Floats, maximum: int, config: SnapshotsConfig) -> NDArray[np.int64]:
+def choose_by_new_view(views: Floats, maximum: int, config: SnapshotsConfig) -> Ints:
     """Return the indices of views (n, 4) that show something new, at most ``maximum``.
 
     A view is the base's place and the camera's heading and elevation. It is kept if it differs from

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from tablemap.config import SensorsConfig, SnapshotsConfig
 from tablemap.errors import EstimationError, RecordingError
-from tablemap.geometry import Floats, Pose2, transform
+from tablemap.geometry import Bools, Floats, Ints, Pose2, transform
 from tablemap.inputs import Input
 from tablemap.recording import DepthFrame, FrameNames, Recording
 from tablemap.recording.messages import CompressedImage, Image
@@ -64,11 +64,11 @@ class Drive(Recording):
         x, y, yaw = (float(np.interp(t, self.knots[:, 0], self.knots[:, i])) for i in (1, 2, 3))
         return Pose2(x, y, yaw)
 
-    def depth_stamps(self) -> NDArray[np.int64]:
+    def depth_stamps(self) -> Ints:
         """Return the images' stamps."""
         return self.images
 
-    def depth_frames(self, stamps_ns: NDArray[np.int64] | None = None) -> Iterator[DepthFrame]:
+    def depth_frames(self, stamps_ns: Ints | None = None) -> Iterator[DepthFrame]:
         """Yield a flat wall a metre away."""
         for stamp in self.images if stamps_ns is None else stamps_ns:
             self.decoded.append(int(stamp))
@@ -88,13 +88,13 @@ class Drive(Recording):
         turn[:3, :3] = Rotation.from_euler("z", pan + jitter[0], degrees=True).as_matrix()
         return turn @ held
 
-    def base_from_cameras(self, stamps_ns: ArrayLike) -> tuple[Floats, NDArray[np.bool_]]:
+    def base_from_cameras(self, stamps_ns: ArrayLike) -> tuple[Floats, Bools]:
         """Return how the head held the camera."""
         mounts = np.array([self.mount(int(s)) for s in np.asarray(stamps_ns)])
         return mounts.reshape(-1, 4, 4), np.ones(len(mounts), dtype=bool)
 
     def colour_near(
-        self, stamps_ns: NDArray[np.int64], tolerance_ns: int = 100_000_000
+        self, stamps_ns: Ints, tolerance_ns: int = 100_000_000
     ) -> dict[int, Image | CompressedImage]:
         """Return a colour image for each."""
         return {int(s): replace(MESSAGE, stamp_ns=int(s)) for s in stamps_ns}
@@ -112,7 +112,7 @@ class Drive(Recording):
         """Return the wheels' pose."""
         return self._true(stamp_ns).lifted() if self.wheels else None
 
-    def pose_stamps(self) -> NDArray[np.int64]:
+    def pose_stamps(self) -> Ints:
         """Return the localisation's stamps."""
         step = int(SECOND / self.pose_rate)
         return np.arange(self.pose_span[0], self.pose_span[1] + 1, step, dtype=np.int64)

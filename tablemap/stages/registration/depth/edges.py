@@ -7,11 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tablemap.config import RegistrationConfig, SensorsConfig
-from tablemap.geometry import Floats, Pose2
+from tablemap.geometry import Bools, Floats, Pose2
 from tablemap.stages.outline import EdgeKind, Outline
 from tablemap.stages.registration.graph import GraphEdge, edge_errors
 from tablemap.stages.registration.polish import Polished, polish
@@ -35,7 +34,7 @@ class Laid:
     """The ``polished`` poses, and a mask ``kept`` (n,) of the held edges."""
 
     polished: Polished
-    kept: NDArray[np.bool_]
+    kept: Bools
 
 
 def table_edges(
@@ -73,7 +72,7 @@ def lay_edges(
     config: RegistrationConfig,
     sensors: SensorsConfig,
     *,
-    let_go: NDArray[np.bool_] | None = None,
+    let_go: Bools | None = None,
 ) -> Laid:
     """Lay the table's edges in all views onto each other, from ``poses`` (n, 3).
 

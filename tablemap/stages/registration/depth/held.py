@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tablemap.geometry import Floats, Pose2
+from tablemap.geometry import Bools, Floats, Pose2
 from tablemap.stages.registration.graph import GraphEdge, GraphSolution, edge_weights
 from tablemap.stages.registration.result import Pair
 from tablemap.stages.registration.solution import floored, odometry_pairs
@@ -20,7 +19,7 @@ _LET_GO = 16.0  # squared sigmas in three freedoms: one right pair in a thousand
 _INDEPENDENT_PAIRS = 4
 
 
-def contradicted(pairs: Sequence[Pair], kept: NDArray[np.bool_]) -> list[Pair]:
+def contradicted(pairs: Sequence[Pair], kept: Bools) -> list[Pair]:
     """Mark those used pairs as dropped that the table's edges contradict (not ``kept``)."""
     used = [pair for pair in pairs if pair.used]
     gone = {id(pair) for pair, keep in zip(used, kept, strict=True) if not keep}

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tablemap.geometry import Floats, wrap_angles
+from tablemap.geometry import Bools, Floats, Ints, wrap_angles
 from tablemap.stages.odometry import fit_windows
 
 _NORMAL_REACH = 0.06
@@ -19,7 +18,7 @@ _LEAST_LONGER = 0.8  # of that length: a piece that is shorter from end to end d
 _STRAIGHT = 2.0  # times the variance across the short piece: a longer piece with more is bent
 
 
-def planar_normals(points: Floats, origin: Floats) -> tuple[Floats, NDArray[np.bool_], float]:
+def planar_normals(points: Floats, origin: Floats) -> tuple[Floats, Bools, float]:
     """Return the normals of (n, 2) points in beam order, a mask of valid normals, and the noise.
 
     The normals (n, 2) are unit vectors towards ``origin``. The noise is metres RMS of the points
@@ -79,7 +78,7 @@ def planar_normals(points: Floats, origin: Floats) -> tuple[Floats, NDArray[np.b
 
 
 def _lengthened(
-    normals: Floats, points: Floats, segment: NDArray[np.int64], reach: Floats, variance: Floats
+    normals: Floats, points: Floats, segment: Ints, reach: Floats, variance: Floats
 ) -> Floats:
     """Return the normals (n, 2) of pieces that extend ``reach`` metres to either side.
 

@@ -15,7 +15,7 @@ import shapely
 from numpy.typing import NDArray
 
 from tablemap.config import SurfaceConfig
-from tablemap.geometry import Floats, Ints
+from tablemap.geometry import Bools, Floats, Ints
 from tablemap.model.shapes import ShapeRecord
 from tablemap.stages.surface.shapes.sides import Sight
 
@@ -142,7 +142,7 @@ def signed_distance(points: Floats, corners: Floats) -> Floats:
     if len(points) == 0:
         return np.empty(0)
     nearest = np.full(len(points), np.inf)
-    inside: NDArray[np.bool_] = np.zeros(len(points), dtype=bool)
+    inside: Bools = np.zeros(len(points), dtype=bool)
     px, py = points.T
     for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         ux, uy = bx - ax, by - ay
