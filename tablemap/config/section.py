@@ -29,6 +29,13 @@ def explain(error: ValidationError, root: type[Section]) -> str:
         if not (isinstance(section, type) and issubclass(section, BaseModel)):
             break
         fields = section.model_fields
-    near = difflib.get_close_matches(path[-1], list(fields), n=1, cutoff=0.0)
+    names = list(fields)
+    if isinstance(first["input"], Mapping):  # a section was meant
+        names = [name for name in names if _is_section(fields[name])] or names
+    near = difflib.get_close_matches(path[-1], names, n=1, cutoff=0.0)
     prefix = "".join(f"{part}." for part in path[:-1])
     return f"there is no setting {name!r}; the nearest is {prefix + near[0]!r}."
+
+
+def _is_section(field: FieldInfo) -> bool:
+    return isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel)
