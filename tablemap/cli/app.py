@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 import sys
 from types import FrameType
@@ -9,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from tablemap.cli.commands import Commands
+from tablemap.cli.commands import Commands, Debug, show_tracebacks
 from tablemap.errors import ConfigError, TablemapError
 from tablemap.version import __version__
 
@@ -18,7 +19,10 @@ app = Commands(
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings={
+        "help_option_names": ["-h", "--help"],
+        "max_content_width": shutil.get_terminal_size().columns,
+    },
 )
 
 
@@ -68,5 +72,7 @@ def tablemap(
             "--version", help="Print the version.", callback=_print_version, is_eager=True
         ),
     ] = False,
+    debug: Debug = False,
 ) -> None:
     """Turn a robot's recording of a table into a model of the table."""
+    show_tracebacks(debug)

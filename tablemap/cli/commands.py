@@ -6,12 +6,20 @@ import functools
 import inspect
 import traceback
 from collections.abc import Callable
+from contextvars import ContextVar
 from typing import Annotated, Any
 
 import typer
 from typer.models import CommandFunctionType
 
-_DEBUG = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+
+_before_the_command: ContextVar[bool] = ContextVar("debug", default=False)
+
+
+def show_tracebacks(wanted: bool) -> None:
+    """Let every command show where an error was raised, as ``tablemap --debug COMMAND`` asks."""
+    _before_the_command.set(wanted)
 
 
 class Commands(typer.Typer):
@@ -38,14 +46,15 @@ def _showing_tracebacks(command: Callable[..., Any]) -> Callable[..., Any]:
         try:
             return command(**given)
         except Exception as error:
-            if debug and not isinstance(error, (typer.Exit, typer.Abort)):
+            wanted = debug or _before_the_command.get()
+            if wanted and not isinstance(error, (typer.Exit, typer.Abort)):
                 traceback.print_exc()
             raise
 
     # Typer reads the options off the signature.
     signature = inspect.signature(command, eval_str=True)
     debug = inspect.Parameter(
-        "debug", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=_DEBUG
+        "debug", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Debug
     )
     parameters = [*signature.parameters.values(), debug]
     run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
