@@ -10,6 +10,15 @@ import typer
 
 from tablemap.cli.options import Json
 
+_MOST_PIXELS = 8192  # a side, of what drivers draw
+
+
+def _tabs(begun: str) -> list[str]:
+    """Return the tabs that begin so, for a shell to complete."""
+    from tablemap.review.viewer.still import TABS
+
+    return [tab for tab in TABS if tab.lower().startswith(begun.lower())]
+
 
 def view(
     run: Annotated[
@@ -30,7 +39,12 @@ def view(
             help="Of the picture: Overview, Views, Odometry, Registration, Pairs, Surface, Legs "
             "or Timings.",
             metavar="NAME",
+            autocompletion=_tabs,
         ),
+    ] = None,
+    size: Annotated[
+        str | None,
+        typer.Option("--size", help="Of the picture, in pixels.", metavar="WIDTHxHEIGHT"),
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -41,12 +55,17 @@ def view(
         raise typer.BadParameter("--web and --still exclude each other.")
     if tab and not picture:
         raise typer.BadParameter("--tab goes with --still.")
+    if size and not picture:
+        raise typer.BadParameter("--size goes with --still.")
+    if picture and picture.suffix.lower() != ".png":
+        raise typer.BadParameter(f"--still writes a .png, found {picture.name}.")
+    pixels = _pixels(size or "1000x700")
     if not viewer.is_whole(viewer.review_file(run)):
         typer.echo("The run was killed or goes on: this shows what it has written.", err=True)
     if picture:
         from tablemap.review.viewer.still import still
 
-        for problem in still(run, picture, tab=tab or "Overview"):
+        for problem in still(run, picture, tab=tab or "Overview", size=pixels):
             typer.echo(f"warning: {problem}", err=True)
         typer.echo(json.dumps({"picture": str(picture)}) if as_json else picture)
     elif web:
@@ -57,3 +76,15 @@ def view(
         opened = viewer.open_viewer(run)
         if as_json:
             typer.echo(json.dumps({"pid": opened.pid}))
+
+
+def _pixels(size: str) -> tuple[int, int]:
+    width, _, height = size.lower().partition("x")
+    if width.isdecimal() and height.isdecimal():
+        pixels = int(width), int(height)
+        if all(100 <= side <= _MOST_PIXELS for side in pixels):
+            return pixels
+    raise typer.BadParameter(
+        f"expected --size WIDTHxHEIGHT of 100 to {_MOST_PIXELS} pixels, such as 1600x1000; "
+        f"found {size}."
+    )

@@ -112,12 +112,14 @@ def test_a_missing_path_or_a_directory_is_one_sentence(
     ("command", "code"), [("info missing.mcap", 1), ("config --set surface.nothing=1", 2)]
 )
 def test_debug_shows_where_an_error_was_raised(command: str, code: int, tmp_path: Path) -> None:
-    """Before the sentence, and the exit code stays."""
-    done = tablemap(*command.split(), "--debug", cwd=tmp_path)
+    """Before the sentence, and the exit code stays. It stands before the command or after it."""
     plain = tablemap(*command.split(), cwd=tmp_path)
-    assert (done.returncode, plain.returncode) == (code, code)
-    assert done.stderr.startswith("Traceback (most recent call last):\n")
-    assert done.stderr.endswith(plain.stderr)
+    assert plain.returncode == code
+    for given in ([*command.split(), "--debug"], ["--debug", *command.split()]):
+        done = tablemap(*given, cwd=tmp_path)
+        assert done.returncode == code
+        assert done.stderr.startswith("Traceback (most recent call last):\n")
+        assert done.stderr.endswith(plain.stderr)
     assert "Traceback" not in plain.stderr
 
 
@@ -139,6 +141,10 @@ def test_a_failed_recording_has_its_json_line(tmp_path: Path) -> None:
         ["process", "a.mcap", "--method", "guess"],
         ["simulate", "demo"],
         ["nonsense"],
+        ["view", "run", "--still", "out.jpg"],
+        ["view", "run", "--still", "out.png", "--size", "1000"],
+        ["view", "run", "--still", "out.png", "--size", "1x1"],
+        ["view", "run", "--size", "1000x700"],
     ],
 )
 def test_wrong_usage_exits_with_2(arguments: list[str], tmp_path: Path) -> None:

@@ -49,10 +49,13 @@ def still(
 ) -> list[str]:
     """Write a PNG of one tab (or of a tab within one) of a run folder's .rrd, at its end.
 
+    The case of the tab's name does not count.
+
     Returns the errors that the views report, one line each. Raises `ExternalToolError` if the
     viewer is missing or cannot draw (it needs a Vulkan driver, such as Debian's
     ``mesa-vulkan-drivers``), and `TablemapError` for an unknown tab or a missing file.
     """
+    tab = next((known for known in TABS if known.lower() == tab.lower()), tab)
     with whole(path) as file, _headless(file, size) as client:
         _show_tab(client, tab)
         _show_end(client, TIMELINES.get(tab, "snapshot"))
@@ -123,6 +126,7 @@ def _show_tab(client: ViewerClient, tab: str) -> None:
                 names[archetypes[kind].get("display_name", "")] = path.lstrip("/")
                 if kind == "ContainerBlueprint":
                     containers[path.lstrip("/")] = archetypes[kind]
+    tab = next((name for name in names if name.lower() == tab.lower()), tab)
     if tab not in names:
         there = ", ".join(one for one in (*TABS, "Tables") if one in names)
         raise TablemapError(f"expected one of this run's tabs {there}, found {tab!r}.")

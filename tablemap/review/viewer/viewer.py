@@ -190,6 +190,7 @@ def open_viewer(path: AnyPath) -> subprocess.Popen[bytes]:
         lines = [line for line in said.decode(errors="replace").splitlines() if line.strip()]
         last = lines[-1] if lines else f"exit code {viewer.returncode}"
         raise ExternalToolError(
-            f"the Rerun Viewer ended at once ({last}); is there a screen? The file is {file}"
+            f"the Rerun Viewer ended at once ({last}); without a screen, --web serves it to a "
+            f"browser and --still OUT.png draws a picture: {file}"
         )
     return viewer
