@@ -18,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from tablemap.config import Config, load_config
 from tablemap.errors import TablemapError
+from tablemap.events import OtherTable
 from tablemap.files import write_whole
 from tablemap.inputs import AnyInput, Input, sha256
 from tablemap.model import TableModel
@@ -215,6 +216,12 @@ class RunFolder:
     def model(self) -> TableModel:
         """The run's chosen table. Raises `TablemapError` if the run left none."""
         return TableModel.load(self.path)
+
+    @property
+    def others(self) -> tuple[OtherTable, ...]:
+        """The tables beside the chosen one that the run left. Raises `TablemapError`."""
+        files = sorted(self.path.glob("tables/[0-9][0-9].json"))
+        return tuple(OtherTable(int(file.stem), TableModel.load(file)) for file in files)
 
     @property
     def config(self) -> Config:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from tablemap.events import OtherTable
     from tablemap.model import TableModel
     from tablemap.runs.running import Outcome
 
@@ -99,7 +100,19 @@ def aligned(rows: Iterable[Sequence[str]]) -> str:
     )
 
 
-def print_model(model: TableModel, run: Path, *, console: Console) -> None:
+def other_rows(others: Iterable[OtherTable]) -> Iterator[tuple[str, str]]:
+    """Return a row for each table beside the chosen one: what it is, or why it is none."""
+    from tablemap.model.summary import line
+
+    for other in others:
+        found = other.outcome
+        said = f"none: {found}" if isinstance(found, str) else line(found)
+        yield (f"table {other.number:02d}", said)
+
+
+def print_model(
+    model: TableModel, run: Path, *, console: Console, others: Iterable[OtherTable] = ()
+) -> None:
     """Print a model's summary and notes, how to open its run, and at the end why it is doubted."""
     from rich.table import Table
 
@@ -107,6 +120,8 @@ def print_model(model: TableModel, run: Path, *, console: Console) -> None:
 
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     for name, text in summary_rows(model):
+        table.add_row(name, text)
+    for name, text in other_rows(others):
         table.add_row(name, text)
     for note in notes(model):
         table.add_row("note", note)

@@ -126,7 +126,8 @@ def process(
                 print_left(outcome.run.path, console=Console(highlight=False))
         if outcome.model and outcome.run and not quiet and len(paths) == 1:
             console = stderr_console() if as_json else Console(highlight=False)
-            print_model(outcome.model, outcome.run.path, console=console)
+            path, others = outcome.run.path, outcome.others
+            print_model(outcome.model, path, console=console, others=others)
         if outcome.model and outcome.run and formats:
             exported &= _export_processed(outcome.run.path, formats, resolved, quiet=quiet)
     if len(paths) > 1 and not quiet:
@@ -202,7 +203,7 @@ def _outcomes(
             words = f"{recording} is done already; --again processes it once more"
             typer.echo(words, err=True)
         status: Literal["ok", "partial"] = "partial" if held.manifest.status == "partial" else "ok"
-        yield Outcome(recording, held, status, held.manifest.error, held.model)
+        yield Outcome(recording, held, status, held.manifest.error, held.model, held.others)
     if many and waiting:
         yield from _at_once(waiting, job, many, quiet=quiet)
         return

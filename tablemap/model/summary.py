@@ -50,6 +50,19 @@ def notes(model: TableModel) -> list[str]:
     ]
 
 
+def line(model: TableModel) -> str:
+    """Return a model in one line: shape, dimensions, height, place and verdict."""
+    surface = model.surface
+    lengths = [
+        f"{figure.value:.3f}" for name, figure in surface.dimensions.items() if not is_angle(name)
+    ]
+    size = f" {' x '.join(lengths)} m" if lengths else ""
+    place = f"at ({surface.pose.x:.2f}, {surface.pose.y:.2f})"
+    return (
+        f"{surface.shape}{size}, {surface.height.value:.3f} m high, {place}, {model.verdict.level}"
+    )
+
+
 def length(figure: Figure) -> str:
     """Return a length in metres with its sigma in millimetres, where it has one."""
     if figure.sigma is None:

@@ -13,7 +13,7 @@ from tablemap.archive.folder import RunFolder, load_run, trajectory_tum
 from tablemap.archive.verification import find_input
 from tablemap.config import Config, Method, Tables, check_tables, dump_config, load_config
 from tablemap.errors import LOSSES, ConfigError, TablemapError
-from tablemap.events import Record, RunFailed, StageFinished, StageStarted, ignore
+from tablemap.events import OtherTable, Record, RunFailed, StageFinished, StageStarted, ignore
 from tablemap.inputs import AnyInput, Input
 from tablemap.model import TableModel
 from tablemap.paths import AnyPath, as_path
@@ -34,6 +34,7 @@ class Outcome:
     - ``status``: ``partial`` if only a part of the recording could be read
     - ``error``: one sentence on the failure or loss, None if all went well
     - ``model``: the chosen table, None if there is none
+    - ``others``: with all tables, the candidates beside it: each a model, or why it is none
     """
 
     recording: Input
@@ -41,6 +42,7 @@ class Outcome:
     status: Literal["ok", "partial", "failed"]
     error: str | None
     model: TableModel | None
+    others: tuple[OtherTable, ...] = ()
 
 
 class InterruptedRun(KeyboardInterrupt):
@@ -133,7 +135,8 @@ def run(
             _leave(folder, page, stages, "failed", f"{type(error).__name__}: {error}")
             raise
     # As it is written: rounded as table.json rounds.
-    return Outcome(recording, folder, status, folder.manifest.error, folder.model)
+    model = folder.model
+    return Outcome(recording, folder, status, folder.manifest.error, model, processed.others)
 
 
 def reprocess(

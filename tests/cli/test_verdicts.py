@@ -9,6 +9,7 @@ import pytest
 
 from tablemap import model as m
 from tablemap.cli.printing import exit_code
+from tablemap.events import OtherTable
 from tablemap.inputs import Input
 from tablemap.runs import running
 from tablemap.runs.running import Outcome
@@ -105,3 +106,28 @@ def test_show_says_it_too(acted: Path) -> None:
         ["because", "accuracy.unseen_side: One side was not seen."],
         ["note", "legs.inferred: One leg was put by symmetry."],
     ]
+
+
+def test_all_tables_are_told_in_a_row_each(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What each is, or why it is none; what the run left is shown again."""
+    (tmp_path / "lap.mcap").write_bytes(b"a recording")
+    beside = rectangle_model(length=0.8, width=0.5, height=0.45, x=2.0, y=1.0)
+
+    def stand_in(recording: Input, *, output: Path, **_: object) -> Outcome:
+        folder = make_run(output, "lap/a", rectangle_model())
+        folder.write("tables/01.json", beside.to_json())
+        others = (OtherTable(1, beside), OtherTable(2, "it is hardly a table: it is a shelf"))
+        return Outcome(recording, folder, "ok", None, rectangle_model(), others)
+
+    monkeypatch.setattr("tablemap.runs.jobs.run", stand_in)
+    told = tablemap_here("process", "lap.mcap", "--all", cwd=tmp_path).stdout
+    shown = tablemap_here("runs", "show", "runs/lap/a", cwd=tmp_path).stdout
+    first, second = (line for line in told.splitlines() if line.startswith("table 0"))
+    words = ["table", "01", "rectangle 0.800 x 0.500 m, 0.450 m high, at (2.00, 1.00), good"]
+    assert first.rstrip().split(maxsplit=2) == words
+    assert second.rstrip().split(maxsplit=2)[1:] == [
+        "02",
+        "none: it is hardly a table: it is a shelf",
+    ]
+    (line,) = (line for line in shown.splitlines() if line.startswith("table 0"))
+    assert line.split(maxsplit=2) == words

@@ -59,7 +59,8 @@ def reprocess(
             print_left(outcome.run.path, console=Console(highlight=False))
     if outcome.model and outcome.run and not quiet:
         console = stderr_console() if as_json else Console(highlight=False)
-        print_model(outcome.model, outcome.run.path, console=console)
+        path, others = outcome.run.path, outcome.others
+        print_model(outcome.model, path, console=console, others=others)
     raise typer.Exit(exit_code([outcome], strict=strict))
 
 
@@ -105,4 +106,4 @@ def prune_(
     for row in going:
         typer.echo(folder / row.path)
     said = "removed" if yes else "would go; --yes removes them"
-    typer.echo(f"{len(going)} runs {said}", err=True)
+    typer.echo(f"{len(going)} run{'' if len(going) == 1 else 's'} {said}", err=True)

@@ -13,6 +13,7 @@ from tablemap.cli.options import Json
 from tablemap.cli.printing import (
     aligned,
     metres_text,
+    other_rows,
 )
 from tablemap.cli.runs.app import Run, runs_app
 
@@ -48,6 +49,7 @@ def show(run: Run, as_json: Json = False) -> None:
         ("status", manifest.status),
         *([("error", manifest.error)] if manifest.error else []),
         *(summary_rows(model) if model else []),
+        *other_rows(folder.others),
         *([("because", doubt) for doubt in doubts(model)] if model else []),
         *([("note", note) for note in notes(model)] if model else []),
     ]

@@ -69,7 +69,8 @@ def serve_(
             typer.echo(json.dumps(document))
         else:
             typer.echo(catalog.url)
-        words = f"{catalog.runs} runs; open them with: rerun {catalog.url}; or ask in Python:"
+        runs = f"{catalog.runs} run{'' if catalog.runs == 1 else 's'}"
+        words = f"{runs}; open them with: rerun {catalog.url}; or ask in Python:"
         typer.echo(words, err=True)
         code = f'CatalogClient("{catalog.url}").get_dataset("{DATASET}").segment_table()'
         typer.echo(f"  from rerun.catalog import CatalogClient\n  {code}", err=True)
