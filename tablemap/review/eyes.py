@@ -21,6 +21,7 @@ WHOLE = 3.3
 ABOVE = 2.1
 """The same for the grid of pairs, from straight above."""
 MOST_ROUND = 4.0
+BESIDE = 0.2  # metres: the numbers beside the table
 EYE_ASIDE = 0.3  # radians from straight before the table, so that two of its sides are visible
 MOST_ASIDE = 0.9
 
@@ -102,8 +103,9 @@ def _surround(scene: DrawnScene) -> float:
     away = np.linalg.norm([pose.translation - middle for pose in scene.localised], axis=1)
     if scene.centre is None:
         return float(max(np.median(away), 2 * scene.extent))
-    table = float(np.linalg.norm(np.array(scene.centre) - middle)) + scene.extent
-    return min(max(float(np.median(away)), table), MOST_ROUND * scene.extent)
+    table = float(np.linalg.norm(np.array(scene.centre) - middle)) + scene.extent + BESIDE
+    most = MOST_ROUND * scene.extent
+    return max(float(away[away <= most].max(initial=0.0)), table)
 
 
 def _space(

@@ -151,6 +151,8 @@ class Reviewer:
             self._warn(result)
         if isinstance(result, (Segmentation, Registration, TableModel, OtherTable, RunFailed)):
             self._stream.rec.send_blueprint(blueprint(self._stream.scene))
+            if isinstance(result, (TableModel, RunFailed)):
+                self._stream.say_first_view()
             self._stream.flush()
 
     def _warn(self, result: object) -> None:

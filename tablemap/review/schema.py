@@ -1,7 +1,8 @@
 """The contents of a review file: all entities, so that old files are readable without this program.
 
-Each file has the name below as ``property:review:schema``, and the entities as
-``property:review:entities``. If the meaning of an entity changes, the schema gets a new number.
+Each file has the name below as ``property:review:schema``, the entities as
+``property:review:entities``, and the snapshot that a viewer begins with as
+``property:first_view:snapshot``. If the meaning of an entity changes, the schema gets a new number.
 """
 
 from __future__ import annotations

@@ -114,6 +114,11 @@ class Stream:
                 f"the review file was not made; is RERUN=off set in the environment? {path}"
             )
 
+    def say_first_view(self) -> None:
+        """Write into the file which snapshot a viewer is to begin with, where there is a best."""
+        if self.scene.best is not None:
+            self.rec.send_property("first_view", rr.AnyValues(snapshot=self.scene.best))
+
     def open_recording(self, recording: Recording) -> None:
         """Take frames and times of the recording to which the next rows belong."""
         scene = self.scene

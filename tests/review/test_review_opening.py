@@ -10,8 +10,10 @@ import pytest
 
 from tablemap.config import ReviewConfig
 from tablemap.errors import ExternalToolError, TablemapError
+from tablemap.events import RunFailed
 from tablemap.review import Reviewer
 from tablemap.review.viewer import live, viewer
+from tests.making import made_up_run as made_up
 
 
 def test_a_whole_file_is_shown_as_it_is(tmp_path: Path) -> None:
@@ -104,3 +106,16 @@ def test_a_viewer_without_a_screen_is_said_at_once(
     with pytest.raises(ExternalToolError, match="screen"):
         live.start_viewer(viewer.free_port())
     assert time.monotonic() - began < 2
+
+
+def test_a_review_asks_for_its_best_view(tmp_path: Path) -> None:
+    """The number stands in the file; one without snapshots asks for none."""
+    best = tmp_path / "best.rrd"
+    with Reviewer(best, run_id="best", recording_name="made up", config=ReviewConfig()) as record:
+        for one in made_up.results(stops=4):
+            record(one)
+    assert viewer.first_snapshot(best) in range(4)
+    none = tmp_path / "none.rrd"
+    with Reviewer(none, run_id="none", recording_name="made up", config=ReviewConfig()) as record:
+        record(RunFailed("recording", "no depth"))
+    assert viewer.first_snapshot(none) is None

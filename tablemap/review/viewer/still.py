@@ -22,6 +22,7 @@ from tablemap.files import write_whole
 from tablemap.paths import AnyPath, as_path
 from tablemap.review.viewer.viewer import (
     LOOPBACK,
+    first_snapshot,
     free_port,
     launch,
     whole,
@@ -47,7 +48,9 @@ TRIES = 6
 def still(
     path: AnyPath, out: AnyPath, *, tab: str = "Overview", size: tuple[int, int] = (1000, 700)
 ) -> list[str]:
-    """Write a PNG of one tab (or of a tab within one) of a run folder's .rrd, at its end.
+    """Write a PNG of one tab (or of a tab within one) of a run folder's .rrd.
+
+    It is of the snapshot that the file asks for, and of the end of what has a timeline of its own.
 
     The case of the tab's name does not count.
 
@@ -58,7 +61,12 @@ def still(
     tab = next((known for known in TABS if known.lower() == tab.lower()), tab)
     with whole(path) as file, _headless(file, size) as client:
         _show_tab(client, tab)
-        _show_end(client, TIMELINES.get(tab, "snapshot"))
+        timeline = TIMELINES.get(tab, "snapshot")
+        best = first_snapshot(file) if timeline == "snapshot" else None
+        if best is None:
+            _show_end(client, timeline)
+        else:
+            client.set_time(timeline, sequence=best, play_state="paused")
         previous = b""
         for _ in range(MOST_PICTURES):
             picture = _shoot(client)

@@ -10,7 +10,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from urllib.parse import quote
 
@@ -20,6 +20,7 @@ from tablemap.paths import AnyPath, as_path
 LOOPBACK = "127.0.0.1"
 START_SECONDS = 2.0
 SERVE_SECONDS = 20.0
+LOAD_SECONDS = 10.0
 MAGIC = b"RRF"
 FOOTER = b"RRF2FOOT"
 FOOTER_TAIL = 64  # bytes at the end of a complete file that contain the footer's mark
@@ -122,6 +123,38 @@ def whole(path: AnyPath) -> Iterator[Path]:
         yield mended(review_file(path), Path(folder))
 
 
+def first_snapshot(file: Path) -> int | None:
+    """Return the snapshot that an .rrd asks to be opened at; None where it asks for none.
+
+    A blueprint cannot set the time cursor: without this a viewer opens at the last snapshot.
+    """
+    from rerun.chunk import RrdReader
+
+    for chunk in RrdReader(file).stream():
+        if chunk.entity_path == "/__properties/first_view":
+            (number,) = chunk.to_record_batch().to_pydict()["snapshot"][0]
+            return int(number)
+    return None
+
+
+def show_first(file: Path, port: int) -> None:
+    """Move a viewer that listens at a port to the snapshot that its file asks for.
+
+    A viewer that does not answer, or a file that asks for nothing, is left as it is.
+    """
+    from rerun.experimental import ViewerClient
+
+    snapshot = first_snapshot(file)
+    if snapshot is None:
+        return
+    with suppress(ConnectionError, TimeoutError, RuntimeError):
+        client = ViewerClient.connect(f"rerun+http://{LOOPBACK}:{port}/proxy")
+        deadline = time.monotonic() + LOAD_SECONDS
+        while client.get_state().loading and time.monotonic() < deadline:
+            time.sleep(0.1)
+        client.set_time("snapshot", sequence=snapshot, play_state="paused")
+
+
 def free_port() -> int:
     """Return a port of this machine that nothing listens on."""
     with socket.socket() as probe:
@@ -181,10 +214,12 @@ def open_viewer(path: AnyPath) -> subprocess.Popen[bytes]:
     file = review_file(path)
     if not is_whole(file):
         file = mended(file, Path(tempfile.mkdtemp(prefix="tablemap-")))
-    viewer = launch("--bind", LOOPBACK, "--port", "auto", str(file), stderr=subprocess.PIPE)
+    port = free_port()
+    viewer = launch("--bind", LOOPBACK, "--port", str(port), str(file), stderr=subprocess.PIPE)
     try:
         _, said = viewer.communicate(timeout=START_SECONDS)
     except subprocess.TimeoutExpired:
+        show_first(file, port)
         return viewer
     if viewer.returncode != 0:
         lines = [line for line in said.decode(errors="replace").splitlines() if line.strip()]
