@@ -130,7 +130,7 @@ WARNING_CODES: dict[str, str] = {
 
 @dataclass(frozen=True)
 class ProcessWarning:
-    """One thing that the reader of a result must know.
+    """A warning for the reader of a result.
 
     ``code`` is a key of `WARNING_CODES`; ``stage`` the module that raised it; ``stamp_ns`` the
     sensor time that it concerns, if any.
@@ -147,7 +147,7 @@ class ProcessWarning:
 
 
 def with_damage(sentence: str, warnings: Sequence[ProcessWarning]) -> str:
-    """Return why there is no result, and that the recording is damaged where it is."""
+    """Return the sentence; if the recording is damaged, the result also says this."""
     lost = [warning.message for warning in warnings if warning.code in LOSSES]
     if not lost or lost[0] in sentence:
         return sentence
@@ -157,7 +157,7 @@ def with_damage(sentence: str, warnings: Sequence[ProcessWarning]) -> str:
 
 @contextmanager
 def damage_named(warnings: Sequence[ProcessWarning]) -> Iterator[None]:
-    """Let a refusal that is raised within say that the recording is damaged, where it is."""
+    """Let errors raised in this context also say that the recording is damaged, if it is."""
     try:
         yield
     except (RecordingError, EstimationError) as error:

@@ -1,4 +1,4 @@
-"""What the stages hand to a reviewer as it arises."""
+"""Events of the stages, for a reviewer."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class OfTable:
 
 
 def of_table(number: int, record: Record) -> Record:
-    """Return what hands results on to ``record`` as those of a table beside the chosen one."""
+    """Return a function that passes results on to ``record`` as those of another table."""
 
     def record_of_table(result: object) -> None:
         record(OfTable(number, result))

@@ -1,4 +1,4 @@
-"""Writing files so that each is there whole or not at all, whatever ends the program."""
+"""Writing of files: each is complete or does not exist, even if the program is killed."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from pathlib import Path
 
 @contextmanager
 def whole_file(target: Path) -> Iterator[Path]:
-    """Hand out the path to write to; what is there at the end becomes ``target``.
+    """Give a temporary path to write to; at the end that file is renamed to ``target``.
 
-    Its folder is made. An earlier file of that name stays until then, and stays for good where
-    anything is raised. Raises `OSError` where the disk says no.
+    The folder is made. An earlier file of that name stays until then; if an error is raised, it
+    stays for good. Raises `OSError` if the disk cannot be written.
     """
     with whole_files([target]) as (part,):
         yield part
@@ -21,11 +21,12 @@ def whole_file(target: Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_files(targets: Sequence[Path]) -> Iterator[list[Path]]:
-    """Hand out one path to write to for each target; at the end they take their names, in order.
+    """Give one temporary path for each target; at the end the files are renamed, in order.
 
-    None does before all have reached the disk: a full one leaves the earlier files as they were.
+    No file is renamed before all have reached the disk: a full disk leaves the earlier files as
+    they were.
     """
-    # Two programs may write one file at a time: the last one's stays, and it is whole.
+    # If two programs write one file at the same time, the last one's stays, and it is complete.
     parts = [target.with_name(f".{target.name}.{os.getpid()}.part") for target in targets]
     try:
         for target in targets:

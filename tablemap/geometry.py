@@ -1,4 +1,4 @@
-"""Poses in the plane and in space, and what is done to points with them.
+"""Poses in the plane and in space, and their action on points.
 
 A pose is named ``target_from_source`` and maps points of the source frame into the target frame, so
 that neighbouring names match: ``map_from_base @ base_from_camera``. Frames follow REP 103 and 105.
@@ -44,14 +44,14 @@ class Pose2:
         )
 
     def inverse(self) -> Pose2:
-        """Return the pose that undoes this one."""
+        """Return the inverse pose."""
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         return Pose2(
             float(-c * self.x - s * self.y), float(s * self.x - c * self.y), wrap_angle(-self.yaw)
         )
 
     def is_near(self, other: Pose2, *, metres: float, radians: float) -> bool:
-        """Tell whether another pose is less than so far from this one, and turned by less."""
+        """Tell whether another pose differs by less than ``metres`` and ``radians``."""
         step = self.inverse() @ other
         return bool(np.hypot(step.x, step.y) < metres and abs(step.yaw) < radians)
 

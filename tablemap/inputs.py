@@ -1,4 +1,4 @@
-"""What holds the recording of one drive: a file, a bag's folder, or several of one drive."""
+"""The input of a run: a file, a bag's folder, or several of them from one drive."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from tablemap.paths import AnyPath, as_path
 SUFFIXES = (".mcap", ".db3", ".bag")
 PACKED_SUFFIXES = (".zst", ".zstd")
 METADATA = "metadata.yaml"
-"""What a folder of rosbag2 says about its files."""
+"""The file in a folder of rosbag2 that lists its files."""
 
 
 @dataclass(frozen=True)
 class Input:
-    """The places of one drive's recording, which is read as one.
+    """The files or folders of one drive's recording, which are read as one.
 
-    As a path it stands for its first place. ``places``: paths as they were given, at least one.
+    As a path it is the first of them. ``places``: paths as they were given, at least one.
     """
 
     places: tuple[str, ...]
@@ -68,7 +68,7 @@ class Input:
 
     @property
     def stem(self) -> str:
-        """What runs of it are called after: the name without what says how it is kept."""
+        """The name for runs of it: the first place's name without its suffixes."""
         if self.path.is_dir():
             return self.name
         name = Path(self.name)
@@ -79,7 +79,7 @@ class Input:
         return Input(tuple(str(path.resolve()) for path in self.paths))
 
     def check(self) -> None:
-        """Raise `RecordingError` where a place is neither a file nor a folder with recordings."""
+        """Raise `RecordingError` if a place is neither a file nor a folder with recordings."""
         for path in self.paths:
             try:
                 is_folder = path.is_dir()
@@ -99,7 +99,7 @@ class Input:
                 raise RecordingError(f"expected a recording, found no regular file: {path}")
 
     def exists(self) -> bool:
-        """Tell whether all places are there."""
+        """Tell whether all places exist."""
         return all(path.exists() for path in self.paths)
 
     def files(self) -> list[Path]:
@@ -131,7 +131,7 @@ AnyInput = AnyPath | Sequence[AnyPath] | Input
 
 
 def files_in(folder: Path) -> list[Path]:
-    """Return a folder's recordings, and what a bag says about them, by name; none of a file's."""
+    """Return a folder's recordings and a bag's metadata file, by name; nothing for a file."""
     try:
         inside = sorted(folder.iterdir()) if folder.is_dir() else []
     except OSError:

@@ -1,4 +1,4 @@
-"""What a caller may give as a path."""
+"""Paths as callers may give them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ AnyPath = str | os.PathLike[str]
 
 
 def as_path(given: AnyPath) -> Path:
-    """Return the path. Raises `TablemapError` for what can be none."""
+    """Return the path. Raises `TablemapError` for a value that cannot be one."""
     try:
         path = Path(given)
     except TypeError as error:

@@ -80,7 +80,7 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
         taken = take_snapshots(recording, config=config.snapshots, sensors=sensors)
         record(taken)
 
-    # The floor gives away the camera's tilt, and how its depth image bends.
+    # The floor shows the camera's tilt, and the bend of its depth image.
     with stage("calibration"):
         calibration = calibrate(taken.snapshots, config=config.calibration, sensors=sensors)
         record(calibration)
@@ -119,8 +119,8 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
             calibration=calibration,
         )
 
-    # Pairwise ICP, a pose graph and a joint polish place the stops to a millimetre. Without a laser
-    # the table's edges are what is registered.
+    # Pairwise ICP, a pose graph and a joint polish place the stops to a millimetre. Without a
+    # laser, the table's edges are registered.
     with stage("registration"):
         registration = register(
             recording,
@@ -134,7 +134,7 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
         record(registration)
 
     def model(segmentation: Segmentation, record: Record) -> TableModel:
-        # Where the top ends in each view, and what made each edge point.
+        # The ends of the top in each view, and the cause of each edge point.
         with stage("outline"):
             outline = edges(segmentation)
             record(outline)
@@ -143,8 +143,8 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
         with stage("surface"):
             surface = fit(outline, record)
 
-        # What stands under the top. A piece of furniture that touches the top at its own height
-        # stands on legs of its own: it is taken off.
+        # The legs under the top. Another piece of furniture may touch the top at the same height:
+        # if it has its own legs, it is cut off.
         with stage("legs"):
             legs = stand(surface)
             adjoining = find_adjoining(surface, legs, near=near)

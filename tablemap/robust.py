@@ -21,7 +21,7 @@ _CHI_SQUARE_MEDIAN = 0.455  # of one degree of freedom
 
 
 def mad_sigma(deviations: NDArray[np.floating]) -> float:
-    """Return the standard deviation that the median of (n,) absolute deviations speaks of.
+    """Return the standard deviation that fits the median of (n,) absolute deviations.
 
     The deviations are those from a fit, or from a median.
     """
@@ -44,7 +44,7 @@ def tukey(ratio: Floats) -> Floats:
 
 
 def reduced_chi_square(squared: Floats) -> float:
-    """Return by how many times residuals are larger than their variances say, from the median.
+    """Return the factor on the variances that fits the residuals, from their median.
 
     ``squared`` (n,) are residuals over their sigmas, squared.
     """

@@ -1,4 +1,4 @@
-"""What the stages found, put together as a model with its verdict."""
+"""Assembly of the stages' results into a model with its verdict."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _CREDIBLE_SIGMAS = 1.0  # of the registration, RMS over all corrections
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """What every stage found about one table."""
+    """The results of all stages about one table."""
 
     recording: Recording
     taken: Snapshots
@@ -78,7 +78,7 @@ def assemble(found: Findings) -> m.TableModel:
 
 
 def _set_aside(found: Findings, snapshots: tuple[m.SnapshotPose, ...]) -> Iterator[ProcessWarning]:
-    """Say how much of each kind was not used, and why; the review shows each one."""
+    """Warn how many items of each kind were not used, and why; the review shows each one."""
     images = [(each.reason, each.stamp_ns) for each in found.taken.set_aside]
     views = [(view.reason, view.stamp_ns) for view in snapshots if view.reason is not None]
     pairs = [(pair.reason or "", None) for pair in found.registration.pairs if not pair.used]
@@ -100,10 +100,10 @@ def _set_aside(found: Findings, snapshots: tuple[m.SnapshotPose, ...]) -> Iterat
 def judge(
     warnings: list[ProcessWarning], *, surface: Surface, registration: Registration
 ) -> m.Verdict:
-    """Say whether the model can be trusted: every doubt about a figure lowers the level.
+    """Decide whether the model can be trusted.
 
-    ``failed`` where no side of the top was measured or no view was registered; ``doubtful`` where
-    any warning doubts the figures.
+    It is ``failed`` if no side of the top was measured or no view was registered, and ``doubtful``
+    if any warning doubts the figures.
     """
     doubts = [w.message for w in warnings if w.code.startswith("accuracy.")]
     nothing_measured = not any(edge.status == "measured" for edge in surface.edges)
@@ -176,12 +176,12 @@ def _leg(leg: Leg) -> m.TableLeg:
 
 
 def best_poses(registration: Registration, surface: Surface) -> dict[int, Pose2]:
-    """Return each snapshot's pose: as the laser has it, else as the fit of the top corrected it.
+    """Return each snapshot's pose: by the laser, or without one as corrected by the fit of the top.
 
-    What the edges add to a laser's millimetre is the depth's own error. Corrections far beyond what
-    the registration's covariance admits make up for something else (a focal length, a depth scale,
-    a bent rim): they serve the shape, but no longer say where the base was, and the registered
-    poses stand.
+    With a laser, corrections by the edges would mostly add the depth's own error. Without one,
+    corrections far beyond the registration's covariance compensate another error (a focal length, a
+    depth scale, a bent rim). They help the shape, but do not show where the base was: then the
+    registered poses stand.
     """
     registered = dict(enumerate(registration.map_from_base))
     if registration.source == "laser":

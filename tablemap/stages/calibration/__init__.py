@@ -1,4 +1,4 @@
-"""The camera's tilt, height and depth field, given away by the floor and by the top."""
+"""The camera's tilt, height and depth field, from the floor and the top."""
 
 from tablemap.stages.calibration.levels import SeenTop
 from tablemap.stages.calibration.result import Calibration, TopBelief

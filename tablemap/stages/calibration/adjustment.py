@@ -1,11 +1,11 @@
-"""One adjustment of the camera to the level surfaces that it saw: the floor, and the table's top.
+"""One adjustment of the camera to the level surfaces that it saw: the floor and the table's top.
 
-Floor and top are flat and level whatever the camera is: what bends them is the camera's depth. The
-adjustment is linear but for small angles: Gauss-Newton with a robust loss that narrows.
+Floor and top are flat and level. If they look bent or tilted, the camera is wrong. The adjustment
+is linear except for small angles: Gauss-Newton with a robust loss that narrows.
 
-A wrong pitch looks like a field of depth that is flat on every level plane, at any height: depth
-alone cannot tell the two apart, and the priors share out what it shows. The edges of the top tell
-them apart later (`tablemap.stages.surface`).
+A wrong pitch has the same effect on every level plane as a certain depth field. Depth alone cannot
+distinguish the two, so the priors divide the effect between them. The edges of the top distinguish
+them later (`tablemap.stages.surface`).
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ CLOSE_GATES_M = (0.015, 0.012, 0.010, 0.010, 0.010)
 """Scales of the robust loss, wide to narrow; noise widens them."""
 
 _LEAST_SIZE, _LARGEST_SIZE = 0.1, 2.0
-"""A field's prior is between that of a camera that hardly bends and twice the usual."""
+"""Limits of a field's prior, in usual priors: from hardly any bend to twice the usual one."""
 
 _LEAST_VIEW_SAMPLES = 100
-"""Fewer samples of a view than this say nothing about its own tilt."""
+"""A view needs at least this many samples for a tilt of its own."""
 
 _NOTHING = 1e-6
-"""The prior of what is not to be fitted."""
+"""The prior sigma of unknowns that are not fitted."""
 
 
 @dataclass(frozen=True)
 class Common:
-    """What all views share: unknowns, or their standard deviations.
+    """The unknowns that all views share, or their standard deviations.
 
     roll, pitch: radians, from the recorded camera to the corrected one
-    lean_x, lean_y: radians about the axes of the map, by which that is not level: a tracked map
-        leans, that of a robot on its wheels does not
+    lean_x, lean_y: radians about the axes of the map, tilt of the map: a tracked map leans, the map
+        of a robot on wheels does not
     height: metres that the camera is higher than recorded
     offset: metres added to every depth
     top: metres, the mean height of the top
@@ -66,11 +66,11 @@ COUNT = FIELD.stop
 
 @dataclass(frozen=True)
 class Beliefs:
-    """Prior standard deviations: what is believed before floor and top are seen.
+    """Prior standard deviations, before floor and top are seen.
 
     common: see `Common`; its ``top`` is about the height at which the top was first seen
     scale: of the constant term of the depth field, a share
-    view_tilt: of one view beside the common tilt, radians: encoders, a base that leans
+    view_tilt: of one view's tilt against the common one, radians: encoders, a base that leans
     view_lift: of one view's height, metres
     bends: whether the depth image may bend at all
     """
@@ -84,12 +84,13 @@ class Beliefs:
 
 @dataclass(frozen=True, eq=False)
 class Adjustment:
-    """What the level surfaces say about the camera.
+    """The camera's corrections, from the level surfaces.
 
     values: (COUNT,), the common unknowns and the field's coefficients
-    covariance: (COUNT, COUNT), of these, priors included
-    own: (views, 3), roll, pitch and lift of each view beside the common ones; own_sigma likewise
-    size: how strongly the depth bends beside what is usual
+    covariance: (COUNT, COUNT), of the values, priors included
+    own: (views, 3), roll, pitch and lift of each view, added to the common ones
+    own_sigma: (views, 3), their standard deviations
+    size: strength of the depth field, relative to the usual one
     """
 
     values: Floats
@@ -109,12 +110,12 @@ class Adjustment:
 
     @property
     def field(self) -> DepthField:
-        """What multiplies the depth."""
+        """The factor on the depth, over the image and the distance."""
         return DepthField(self.values[FIELD])
 
 
 def unadjusted(beliefs: Beliefs, views: int) -> Adjustment:
-    """Return what is known where nothing level was seen: the beliefs."""
+    """Return the adjustment without any sample: zero, with the priors' covariance."""
     _, sigma = _prior(beliefs, 1.0, 0.0)
     own_sigma = np.tile([beliefs.view_tilt, beliefs.view_tilt, beliefs.view_lift], (views, 1))
     return Adjustment(np.zeros(COUNT), np.diag(sigma**2), np.zeros((views, 3)), own_sigma, 1.0)
@@ -125,9 +126,9 @@ def adjust(
 ) -> Adjustment:
     """Fit camera, depth field and top to the samples of all views.
 
-    How strongly the depth bends is learnt (empirical Bayes): a first fit with the usual prior shows
-    it, and the second has a prior of that size. Likewise how far the views differ in tilt and
-    height.
+    The strength of the depth field is learnt (empirical Bayes): a first fit with the usual prior
+    gives it, and the second fit has a prior of that size. The differences of the views in tilt and
+    height are learnt in the same way.
     """
     size = 1.0
     tilt, lift = beliefs.view_tilt, beliefs.view_lift
@@ -194,8 +195,8 @@ def view_tilts(headings: Floats, common: Common, own: Floats) -> Floats:
 def _rows(samples: Samples, values: Floats) -> Floats:
     """Return the derivatives (COUNT, n) of the residuals by the common unknowns.
 
-    They are taken where the ray meets the surface, not where the noisy depth says: a regressor that
-    shares its noise with the residual draws the scale down.
+    They are computed at the intersection of ray and surface, not at the noisy depth: a regressor
+    that shares its noise with the residual would make the scale too small.
     """
     fall = np.where(samples.is_top, values[PLACE["top"]], 0.0) - samples.camera_z
     reach = fall / samples.arms[:, 2]

@@ -1,9 +1,9 @@
 """A depth image that bends: a smooth multiplier over the image that grows with the distance.
 
-Depth cameras read a wall as a shallow bowl: their depth is off by such a field, one or two percent
-in the corners (Teichman, Miller and Thrun, "Unsupervised Intrinsic Calibration of Depth Sensors via
-SLAM", RSS 2013). Here it is a polynomial of third degree in the image, twice: once as it is at
-`REFERENCE_M`, once a metre of distance.
+Depth cameras see a wall as a shallow bowl: their depth errs by such a field, one or two percent in
+the corners (Teichman, Miller and Thrun, "Unsupervised Intrinsic Calibration of Depth Sensors via
+SLAM", RSS 2013). The field here has two polynomials of third degree in the image: its value at
+`REFERENCE_M`, and its change with each metre of distance.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from tablemap.geometry import Floats
 from tablemap.stages.snapshots import Camera, Snapshot
 
 REFERENCE_M = 1.7
-"""The distance at which the first half of the coefficients holds."""
+"""The distance to which the first half of the coefficients belongs."""
 
 TERMS = ("1", "u", "v", "r2", "uv", "u2-v2", "u3", "u2v", "uv2", "v3")
 """The terms of the polynomial; u and v are -1 to 1 over the image, r2 is (u2 + v2) / 2."""
@@ -27,13 +27,13 @@ _CUBIC = slice(6, 10)
 _SIZE = 0.005  # of linear and quadratic terms: CLAMS shows one to two percent in the corners
 _CUBIC_SIZE = 0.003
 _CONSTANT_SIZE = 0.008  # an Orbbec Astra was measured to be 1.1 % off
-_GROWTH = 0.5  # of the same, a metre of distance
+_GROWTH = 0.5  # of these sizes: prior of the change with a metre of distance
 
 
 def prior_sigmas(size: float) -> Floats:
-    """Return the (2 * len(TERMS),) prior standard deviations; ``size`` multiplies what bends.
+    """Return the prior standard deviations (2 * len(TERMS),), scaled by ``size``.
 
-    A camera may have a wrong scale and bend little: the constant term keeps its own.
+    A camera may have a wrong scale but little bend: so ``size`` does not act on the constant term.
     """
     at_reference = np.full(len(TERMS), _SIZE * size)
     at_reference[_CUBIC] = _CUBIC_SIZE * size
@@ -44,7 +44,7 @@ def prior_sigmas(size: float) -> Floats:
 
 
 def bending_size(coefficients: Floats) -> float:
-    """Return how large the quadratic terms are beside their prior, RMS: what ``size`` should be."""
+    """Return the RMS of the quadratic terms over their usual prior: the measured ``size``."""
     return float(np.sqrt(np.mean(coefficients[list(QUADRATIC)] ** 2)) / _SIZE)
 
 
@@ -65,23 +65,23 @@ def terms(u: NDArray[np.floating], v: NDArray[np.floating]) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class DepthField:
-    """What true depth is, as a share of the measured: 1 + b(u, v) + g(u, v) (z - REFERENCE_M).
+    """The true depth over the measured one: 1 + b(u, v) + g(u, v) (z - REFERENCE_M).
 
-    coefficients: (2 * len(TERMS),) of b and, a metre, of g
+    coefficients: (2 * len(TERMS),), of b, then of g (per metre)
     """
 
     coefficients: Floats
 
     @property
     def is_flat(self) -> bool:
-        """Whether nothing bends: one factor for all pixels and distances."""
+        """Whether one factor holds for all pixels and distances."""
         return not np.delete(self.coefficients, 0).any()
 
     def multiplier(self, camera: Camera, depth: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the (height, width) factors of measured depths in metres, NaN where these are."""
         u, v = image_coordinates(camera)
         half = len(TERMS)
-        # Separable sums: the terms along u meet those along v in two small products.
+        # The sums are separable in u and v: two small matrix products are enough.
         bend = _surface(self.coefficients[:half], u, v)
         growth = _surface(self.coefficients[half:], u, v)
         factor: NDArray[np.float32] = 1 + bend + growth * (depth - np.float32(REFERENCE_M))

@@ -1,4 +1,4 @@
-"""Where the floor lies when it is not at z = 0 of the fixed frame."""
+"""Search for a floor that is not at z = 0 of the fixed frame."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from tablemap.stages.snapshots.normals import upward_share
 STRIDE_PX = 4
 BIN_M = 0.01
 FARTHEST_M = 3.5
-"""Beyond it a tilt of one degree moves the floor by more than a level is wide."""
+"""Farther away a tilt of one degree moves the floor by more than the width of a level."""
 LEAST_SHARE = 0.1
 """A level has at least this share of the widest one's area."""
 LEAST_AREA_M2 = 0.3
 LEAST_RISE_M = 0.25
-"""A surface above the floor, by which a floor above z = 0 is told from a top seen alone."""
+"""Height of a surface above a floor; it shows that a level above z = 0 is a floor, not a top."""
 
 
 def floor_level(snapshots: tuple[Snapshot, ...]) -> float | None:
     """Return the floor's z in the fixed frame in metres: the lowest of the wide levels.
 
-    None where no level is wide, or where a lone level above z = 0 may as well be a table top whose
-    floor no view shows.
+    Returns None if no level is wide, or if a single level above z = 0 could also be a table top
+    without a visible floor.
     """
     heights, areas = [], []
     for snapshot in snapshots:
@@ -44,7 +44,7 @@ def floor_level(snapshots: tuple[Snapshot, ...]) -> float | None:
     levels = np.flatnonzero(wide >= max(LEAST_AREA_M2, LEAST_SHARE * float(wide.max())))
     if len(levels) == 0:
         return None
-    # The lowest run of wide bins is one level: its middle is where most of the area lies.
+    # The lowest run of wide bins is one level. Its middle is the bin with most area.
     end = int(np.flatnonzero(np.diff(levels, append=levels[-1] + 9) > 1)[0])
     run = levels[: end + 1]
     best = low + (int(run[np.argmax(wide[run])]) + 0.5) * BIN_M
@@ -62,7 +62,7 @@ def lowered(snapshot: Snapshot, level: float) -> Snapshot:
 
 
 def _upward(snapshot: Snapshot) -> tuple[Floats, Floats]:
-    """Return z (n,) of the pixels near the camera that face up, and their areas in m2."""
+    """Return z (n,) of level pixels near the camera, and their areas in square metres."""
     depth = snapshot.depth[::STRIDE_PX, ::STRIDE_PX]
     if min(depth.shape) < 16:
         return np.zeros(0), np.zeros(0)

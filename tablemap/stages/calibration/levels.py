@@ -1,4 +1,4 @@
-"""Samples of the level surfaces in all views: the floor, and the top where it is known."""
+"""Samples of the level surfaces in all views: the floor, and the top if it is known."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tablemap.stages.snapshots.noise import coarse_step
 from tablemap.stages.snapshots.normals import upward_share
 
 STRIDE_PX = 2
-BLOCK_PX = 32  # the errors of neighbouring pixels are alike: a block of this side counts once
+BLOCK_PX = 32  # errors of neighbouring pixels are correlated: a block of this side counts once
 MOST_FLOOR, MOST_TOP = 24_000, 16_000
 LEAST_UPWARD = np.cos(np.deg2rad(25.0))
 UNEVEN_M = 0.002  # floors are flat to about this
@@ -33,14 +33,15 @@ class Samples:
     arms: (n, 3), from the camera, metres, in base axes that turn with the head
     depth: (n,), along the optical axis, metres
     terms: (k, n), the terms of the depth field at the samples' pixels
-    steep: (n,), how far down a metre of depth leads
+    steep: (n,), drop of the ray for a metre of depth
     camera_z: (n,), height of the camera as recorded, metres
-    sigma: (n,), of a sample's height, metres; weight: (n,), 1 / sigma^2 shared out in a block
+    sigma: (n,), of a sample's height, metres
+    weight: (n,), 1 / sigma^2, divided among the samples of a block
     view: (n,), place of the view among the snapshots
     is_top: (n,), on the top, not on the floor
     place: (n, 2), of samples of the top: metres from its middle, in the map
-    bulge: (n,), of the top: the shape of a sag, of mean nought
-    turns: (views,), radians that the axes turned with the head, all 0 of one that does not
+    bulge: (n,), of samples of the top: the shape of a sag, with mean 0
+    turns: (views,), radians that the axes turned with the head, all 0 if it does not turn
     headings: (views,), radians of these axes in the map
     pixels: how many pixels the floor's samples stand for
     step: metres between depth values where they are coarse, else 0
@@ -77,11 +78,11 @@ class Samples:
 
     @property
     def beyond(self) -> Floats:
-        """Metres of depth beyond the field's reference."""
+        """Depth minus the field's reference depth, metres."""
         return self.depth - REFERENCE_M
 
     def beyond_at(self, reach: Floats) -> Floats:
-        """Return the same where the ray is ``reach`` times as long."""
+        """Return `beyond` for rays that are ``reach`` times as long."""
         return self.depth * reach - REFERENCE_M
 
     def in_base_axes(self) -> Samples:
@@ -100,7 +101,7 @@ def turned(arms: Floats, angles: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class SeenTop:
-    """What a segmentation knows of the top, for the adjustment.
+    """The top as a segmentation found it, for the adjustment.
 
     height: metres above the floor
     masks: by snapshot index, (height, width) of the pixels on the top
@@ -117,10 +118,10 @@ def collect(
     corrected: tuple[Snapshot, ...] | None = None,
     top: SeenTop | None = None,
 ) -> Samples | None:
-    """Gather the pixels of floor and top of every view, with the depth as it was recorded.
+    """Gather the pixels of floor and top of every view, with the recorded depth.
 
-    The floor is what faces up near z = 0: of the ``corrected`` snapshots where they are given, in a
-    narrower band then. None where there is neither.
+    Level pixels near z = 0 are floor. If ``corrected`` snapshots are given, they decide about this,
+    within a narrower band. Returns None if there is neither floor nor top.
     """
     parts: list[_Part] = []
     steps: list[float] = []
@@ -160,7 +161,7 @@ def collect(
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """The samples of one surface in one view, as `Samples` has them."""
+    """The samples of one surface in one view, with the fields of `Samples`."""
 
     arms: Floats
     depth: Floats
@@ -180,7 +181,7 @@ def _floor(
     step: float,
     config: CalibrationConfig,
 ) -> Bools:
-    """Return the pixels that face up near the floor."""
+    """Return the level pixels near the floor."""
     distance = np.hypot(arms[..., 0], arms[..., 1])
     if corrected is None:
         z = arms[..., 2] + np.float32(snapshot.base_from_camera[2, 3])

@@ -1,4 +1,4 @@
-"""What floor and top of all views say about the camera."""
+"""The result of the calibration: the camera's corrections by floor and top."""
 
 from __future__ import annotations
 
@@ -15,12 +15,10 @@ from tablemap.stages.snapshots import Snapshot
 
 @dataclass(frozen=True)
 class TopBelief:
-    """How well the camera knows a level top.
+    """The uncertainty of a level top in the camera's views.
 
-    The errors, in this order: the height of the top above the floor (metres); how far the top is
-    from the camera, as a share of that; roll and pitch of the camera (radians).
-
-    covariance: (4, 4)
+    covariance: (4, 4), of height of the top above the floor (metres), distance of the top from the
+        camera (as a share of it), roll and pitch of the camera (radians)
     view_tilt: of a single view's roll and pitch, radians
     view_lift: of a single view's camera above the top, metres
     is_held: whether the camera was held by a hand
@@ -34,7 +32,7 @@ class TopBelief:
 
 @dataclass(frozen=True, eq=False)
 class Residuals:
-    """How far floor or top lie from level over the image, in blocks: metres, NaN where not seen.
+    """Heights of floor or top above level, in blocks of the image: metres, NaN where not seen.
 
     before: (rows, columns), as recorded but for the camera's common tilt and height
     after: (rows, columns), with the depth field
@@ -46,10 +44,10 @@ class Residuals:
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """What floor and top of all views say about the camera.
+    """The camera's corrections, from floor and top of all views.
 
     adjustment: tilt, height, depth field and their covariance
-    beliefs: the priors that it was made with
+    beliefs: the priors of the adjustment
     floor_pixels: how many pixels of all views show the floor
     floor_rms_before, floor_rms_after: residuals of the floor, metres
     floor, top: the same over the image; None where it was not seen
@@ -58,7 +56,7 @@ class Calibration:
     snapshots: the corrected ones
     turns: (views,), radians that the axes of roll and pitch turned with the head
     floor_z: metres, the floor in the fixed frame; the corrected snapshots count z from it
-    warnings: what was found wrong
+    warnings: doubts about the camera or the floor
     """
 
     adjustment: Adjustment
@@ -92,7 +90,7 @@ class Calibration:
 
     @property
     def field(self) -> DepthField:
-        """What every depth was multiplied by."""
+        """The factor on every depth."""
         return self.adjustment.field
 
     @property
@@ -109,11 +107,11 @@ class Calibration:
         return result
 
     def top_belief(self, height: float) -> TopBelief:
-        """Return what the camera leaves unknown of a level top at a height above the floor.
+        """Return the uncertainty of a level top at a height above the floor.
 
-        A point there has the height c + m (h - c) below a camera at c whose depth errs by m: an
-        error of the height is one of c and (h - c) times one of m. Where the top took part in the
-        adjustment, it has its height there.
+        Let the camera be at height c, with a factor m on its depth. A point of a top at height h
+        then appears at c + m (h - c). So the error of the height is that of c plus (h - c) times
+        that of m. If the top took part in the adjustment, its height comes from there.
         """
         if not self.snapshots:
             return TopBelief(np.zeros((4, 4)), 0.0, 0.0, False)

@@ -1,4 +1,4 @@
-"""From snapshots to corrected ones: tilt, height and depth field of the camera."""
+"""Correction of the snapshots by tilt, height and depth field of the camera."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ def calibrate(
 ) -> Calibration:
     """Adjust the camera's tilt, height and depth field to the floor of all views.
 
-    On a flat floor seen from one height the scale of the depth and the camera's height in TF cannot
-    be told apart: the priors share the offset out, and the covariance keeps what they leave open. A
-    floor that is not near z = 0, or that is so only with an implausible scale, is looked for at
-    other heights. `flatten` adds the table's top once that is known.
+    A flat floor seen from one height cannot distinguish the depth scale from the camera's height in
+    TF: the priors divide the offset between them, and the covariance contains the ambiguity. If the
+    floor is not near z = 0, or only with an implausible scale, it is searched at other heights.
+    `flatten` adds the table's top when that is known.
     """
     beliefs = _beliefs(snapshots, config, sensors)
     result = _calibrated(snapshots, collect(snapshots, config), beliefs, config)
@@ -63,8 +63,8 @@ def calibrate(
 def flatten(calibration: Calibration, top: SeenTop, *, config: CalibrationConfig) -> Calibration:
     """Adjust the camera again, to the floor and to the top that a first segmentation found.
 
-    Two planes at two distances show how the depth field grows, and how high the top is. Where the
-    first adjustment was not believed, nor is this.
+    Two planes at two distances show the growth of the depth field, and the height of the top. If
+    the first adjustment was rejected, this one is, too.
     """
     if any(w.code == "accuracy.calibration" for w in calibration.warnings):
         return calibration
@@ -88,9 +88,9 @@ def _at_level(
     config: CalibrationConfig,
     sensors: SensorsConfig,
 ) -> Calibration:
-    """Calibrate with z counted from the level where the floor was found, and say so.
+    """Calibrate with z counted from the level of the floor that was found, and add a warning.
 
-    Only a floor at the base's own origin confirms the camera's height over it.
+    Only a floor at the base's own origin confirms the camera's height above it.
     """
     base = float(np.median([snapshot.base_z for snapshot in snapshots]))
     if abs(level - base) > config.least_level:
@@ -124,10 +124,10 @@ def _at_level(
 def _beliefs(
     snapshots: tuple[Snapshot, ...], config: CalibrationConfig, sensors: SensorsConfig
 ) -> Beliefs:
-    """Return what is believed of the camera before the floor is seen.
+    """Return the priors of the camera before the floor is seen.
 
-    Depth in coarse steps is not flattened: its steps would pass for a field. A focal length is not
-    fitted: on planes it passes for tilts and for a field.
+    Depth with coarse steps gets no field, as its steps would look like one. The focal length is not
+    fitted, as on planes its error looks like tilts and a field.
     """
     step = float(np.median([coarse_step(snapshot) for snapshot in snapshots] or [0.0]))
     tilt = float(np.deg2rad(sensors.camera_tilt_sigma_deg))
@@ -154,19 +154,18 @@ def _beliefs(
 
 
 _STEP_M = 0.15  # a base stands on the floor: a floor closer than this is its own
-_TOP_SIGMA = 0.05  # metres about where a segmentation saw the top
+_TOP_SIGMA = 0.05  # metres about the height at which a segmentation saw the top
 _TOP_SLOPE = np.deg2rad(0.2)  # tops stand on uneven floors
 _TOP_SAG = 0.001  # metres
 _MAP_LEAN = np.deg2rad(0.5)
-_HELD_LOOSER = 3.0  # tilts of a tracked camera beside those of a head; heights err by its square
+_HELD_LOOSER = 3.0  # tilt errors of a tracked camera over those of a head; its square for heights
 
 
 def _is_held(snapshots: tuple[Snapshot, ...], config: CalibrationConfig) -> bool:
-    """Say whether the camera was held by a hand.
+    """Tell whether the camera was held by a hand.
 
-    A robot's head pans and nods on a mounting that was measured; the image of a camera that is held
-    rolls from view to view, and its height and the level of its map are only as good as what tracks
-    it.
+    A robot's head pans and nods on a measured mounting. The image of a camera in a hand also rolls
+    from view to view. Its height and the level of its map are only as good as its tracking.
     """
     rolls = np.arcsin([np.clip(s.base_from_camera[2, 0], -1.0, 1.0) for s in snapshots])
     return len(rolls) > 1 and float(np.std(rolls)) > np.deg2rad(config.held_roll_deg)
@@ -195,10 +194,10 @@ def _calibrated(
 
 
 def _in_its_axes(samples: Samples, beliefs: Beliefs) -> tuple[Samples, Adjustment]:
-    """Adjust in the axes of the head or of the base, whichever errs.
+    """Adjust in the axes of the head or of the base, whichever fit better.
 
-    A camera that sits askew on its head errs with the head's turns, a base that leans does not.
-    Floor and top tell.
+    If the camera is tilted on its head, the error turns with the head; if the base leans, it does
+    not. Floor and top show which it is.
     """
     best = _adjusted(samples, beliefs)
     if samples.turns.any():
@@ -217,8 +216,8 @@ def _disagreement(samples: Samples, adjustment: Adjustment) -> float:
 def _adjusted(samples: Samples, beliefs: Beliefs) -> Adjustment:
     """Adjust to the floor, and not to a platform.
 
-    The search begins wide. Where it ends in something implausible though a plane close to z = 0 is
-    there too, a platform, a low shelf or a step was the larger surface.
+    The search begins with a wide band. If its result is implausible and there is also a plane close
+    to z = 0, then a platform, a low shelf or a step was the larger surface.
     """
     wide = adjust(samples, beliefs)
     strain = _strain(wide, beliefs)
@@ -231,7 +230,7 @@ def _adjusted(samples: Samples, beliefs: Beliefs) -> Adjustment:
 
 
 def _strain(adjustment: Adjustment, beliefs: Beliefs) -> float:
-    """Return how many prior sigmas tilt, height or scale lie from what was recorded, the worst."""
+    """Return the largest correction of tilt, height or scale, in prior sigmas."""
     common, sigma = adjustment.common, beliefs.common
     scale = (adjustment.field.at(0.0, 0.0, REFERENCE_M) - 1) / beliefs.scale
     strains = [common.roll / sigma.roll, common.pitch / sigma.pitch, common.height / sigma.height]
@@ -244,7 +243,7 @@ def _support(samples: Samples, adjustment: Adjustment) -> int:
 
 
 def _excess(adjustment: Adjustment, config: CalibrationConfig) -> list[str]:
-    """Say in words what is implausible about an adjustment."""
+    """Return words for the implausible values of an adjustment."""
     roll, pitch = np.rad2deg(adjustment.common.roll), np.rad2deg(adjustment.common.pitch)
     scale = adjustment.field.at(0.0, 0.0, REFERENCE_M)
     found = []
@@ -257,9 +256,10 @@ def _excess(adjustment: Adjustment, config: CalibrationConfig) -> list[str]:
 
 
 def _believed(result: Calibration, config: CalibrationConfig) -> Calibration:
-    """Return a calibration that is plausible; of another one, what was recorded, with a doubt.
+    """Return a plausible calibration as it is; replace an implausible one by the recorded camera.
 
-    What the floor asked for then widens what is believed: it may yet be true.
+    Then a warning is added, and the rejected correction makes the covariance larger, as it may
+    still be right.
     """
     excess = _excess(result.adjustment, config)
     if not excess:
@@ -331,7 +331,7 @@ def _result(
 
 
 def _recorded(adjustment: Adjustment) -> Floats:
-    """Return the unknowns with the camera as it was recorded, and the top as it is now known."""
+    """Return the unknowns of the camera as recorded, with the top as estimated."""
     values = np.zeros(COUNT)
     for name in ("top", "slope_x", "slope_y", "sag", "lean_x", "lean_y"):
         values[PLACE[name]] = adjustment.values[PLACE[name]]
@@ -368,7 +368,7 @@ def _corrected(
     lift: float,
     turn: float,
 ) -> Snapshot:
-    """Return a snapshot with its camera and its depth as adjusted."""
+    """Return a snapshot with the adjusted camera and depth."""
     common = adjustment.common
     rotation: Floats = Rotation.from_euler("xy", tilt).as_matrix()
     if turn:
