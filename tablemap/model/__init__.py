@@ -1,4 +1,4 @@
-"""The model of a table: ``table.json``, and what is asked of it."""
+"""The model of a table: ``table.json``, and questions to it."""
 
 from tablemap.model.table import (
     Alternative,

@@ -1,4 +1,4 @@
-"""JSON documents with a schema's name in them: read, or refused in one sentence."""
+"""Reading of JSON documents with a schema's name in them; errors are one sentence."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Document = TypeVar("Document", bound=BaseModel)
 
 
 def read_document(path: AnyPath, kind: type[Document], *, schema: str, noun: str) -> Document:
-    """Read a file as `parse_document` does its text; errors end with the path."""
+    """Read a file and parse its text with `parse_document`; errors end with the path."""
     file = as_path(path)
     try:
         text = file.read_text(encoding="utf-8")
@@ -32,7 +32,7 @@ def document_schema(
 ) -> dict[str, object]:
     """Return the JSON Schema of a document; fields that it does not name are allowed.
 
-    ``mode``: ``serialization`` of what we write, ``validation`` of what others may write.
+    ``mode``: ``serialization`` for documents that we write, ``validation`` for those of others.
     """
     found = kind.model_json_schema(mode=mode)
     name = {"const": schema, "description": "name of this schema"}
@@ -42,10 +42,10 @@ def document_schema(
 
 
 def parse_document(text: str, kind: type[Document], *, schema: str, noun: str) -> Document:
-    """Return the document in a text of JSON; fields that are not known are ignored.
+    """Return the document in a JSON text; unknown fields are ignored.
 
-    ``noun`` is what people call it. Raises `TablemapError` where the text is no such document, or
-    one of another schema.
+    ``noun`` names the document in errors. Raises `TablemapError` if the text is no such document,
+    or has another schema.
     """
     try:
         document = json.loads(text)
@@ -64,7 +64,7 @@ def parse_document(text: str, kind: type[Document], *, schema: str, noun: str) -
 
 
 def damage(error: ValidationError, noun: str) -> TablemapError:
-    """Return what is said of the first thing that is wrong in a document."""
+    """Return the error for the first fault in a document."""
     first = error.errors()[0]
     where = ".".join(str(part) for part in first["loc"])
     return TablemapError(f"the {noun} is damaged at {where}: {first['msg']}.")

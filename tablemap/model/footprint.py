@@ -1,9 +1,10 @@
 """Whether a point is on the table, and how sure that is.
 
-What is uncertain moves the point against the outline by a Gaussian: the table's pose for a point in
-the map, and the sides' own sigmas. The probability is then the Gaussian's share inside the outline,
-which is exact for any polygon: a sum over its segments of Owen's T function (D. B. Owen, Tables for
-computing bivariate normal probabilities, Ann. Math. Statist. 27, 1956).
+The uncertainties are the sides' sigmas and, for a point in the map, the table's pose. Together they
+give the point's place against the outline a Gaussian distribution. The probability is the share of
+this Gaussian inside the outline. It is exact for any polygon: a sum over its segments of Owen's T
+function (D. B. Owen, Tables for computing bivariate normal probabilities, Ann. Math. Statist. 27,
+1956).
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ from tablemap.errors import TablemapError
 from tablemap.geometry import Floats, Ints, Pose2
 
 UNKNOWN_ABOVE = 0.01
-"""Where an unseen side decides about more of the probability than this, there is none."""
+"""If an unseen side decides about more of the probability than this, the probability is unknown."""
 FAR = 10.0
-"""How far a table may reach beyond a side that nothing bounds, metres."""
+"""Largest extent of a table beyond a side that nothing bounds, metres."""
 UNIFORM = 3.0**0.5
-"""Half the width of an interval in standard deviations of a uniform distribution over it."""
+"""Half the width of an interval over the standard deviation of a uniform distribution on it."""
 LEAST_SIGMA = 1e-6
 PARALLEL = 0.5
 MOST_AT_ONCE = 1_000_000
@@ -34,7 +35,7 @@ Frame = Literal["map", "table"]
 
 
 class PlacedPose(Protocol):
-    """A pose in the map, and how well it is known."""
+    """A pose in the map with its covariance."""
 
     @property
     def x(self) -> float:
@@ -70,7 +71,7 @@ class Side(Protocol):
 
 
 class PlacedTop(Protocol):
-    """A table's top as its model has it."""
+    """A table's top as in its model."""
 
     @property
     def pose(self) -> PlacedPose:
@@ -92,8 +93,8 @@ class _KnownOutline:
     - ``ring``: (M, 2) metres, counter-clockwise
     - ``sigma``: (M,) metres, of each segment's side
     - ``side``: (M,) the index of each segment's side
-    - ``inner``, ``outer``: what the top is at least and at most; both are the ring where all sides
-      were seen
+    - ``inner``, ``outer``: the smallest and the largest possible top; both are the ring if all
+      sides were seen
     - ``open_normals``: (K, 2) unit vectors out of the sides that nothing bounds
     """
 
@@ -111,8 +112,8 @@ def probability_on_top(
     """Return the probability that points are on the top, seen from above; NaN where unknown.
 
     ``x`` and ``y`` are metres in the map or in the table's own frame (origin at the pose, x along
-    its yaw). In the map the pose's covariance counts too. Raises `TablemapError` where they are no
-    numbers, their shapes do not fit, or there is no such frame.
+    its yaw). In the map the pose's covariance counts too. Raises `TablemapError` if they are not
+    numbers, their shapes do not fit, or the frame is unknown.
     """
     if frame not in get_args(Frame):
         raise TablemapError(f"expected the frame 'map' or 'table', found {frame!r}.")
@@ -138,7 +139,7 @@ def probability_on_top(
 
 
 def _between(outline: _KnownOutline, points: Floats, covariance: Floats) -> Floats:
-    """Return the share inside the outline; NaN where its bounds tell different things."""
+    """Return the share inside the outline; NaN where the smallest and largest top differ."""
     if not np.isfinite(covariance).all():
         return np.full(len(points), np.nan)
     least = _share(outline.inner, points, covariance)
@@ -177,9 +178,9 @@ def _sigma(edge: Side, usual: float) -> float:
 def _bounded(
     whole: _KnownOutline, edges: Sequence[Side], polygon: shapely.Polygon, extent: float
 ) -> _KnownOutline:
-    """Add what the top is at least and at most, where sides were not seen or have no sigma."""
+    """Add the smallest and largest possible top, for sides that were not seen or lack a sigma."""
     if any(edge.sigma is None and edge.status != "unseen" for edge in edges):
-        # A hull in place of a shape: it may cover what is none, and end before the top does.
+        # A hull instead of a shape may cover more than the top, and may end before the top does.
         everywhere = shapely.Point(0.0, 0.0).buffer(FAR + extent)
         return replace(whole, inner=shapely.Polygon(), outer=everywhere)
     inner = outer = polygon
@@ -197,7 +198,7 @@ def _bounded(
 
 
 def _unseen_runs(whole: _KnownOutline, edges: Sequence[Side]) -> list[Ints]:
-    """Return the segments of unseen sides, neighbours together."""
+    """Return the segments of unseen sides, grouped into runs of neighbours."""
     unseen = np.array([edges[k].status == "unseen" for k in whole.side])
     if unseen.all():
         return [np.arange(len(unseen))]
@@ -215,9 +216,9 @@ def _normals(ring: Floats) -> Floats:
 
 
 def _swept(ring: Floats, run: Ints, distance: float) -> shapely.Geometry:
-    """Return what neighbouring segments pass over when they move outward, or inward if negative.
+    """Return the area that neighbouring segments cover when they move outward (negative: inward).
 
-    Their ends move along the sides that they meet, as far as these lead outward.
+    The run's ends move along the adjoining sides, if these lead outward.
     """
     count, normals = len(ring), _normals(ring)
     chain = ring[np.append(run, (run[-1] + 1) % count)]
@@ -234,7 +235,7 @@ def _swept(ring: Floats, run: Ints, distance: float) -> shapely.Geometry:
 
 
 def _side_covariance(outline: _KnownOutline, points: Floats) -> Floats:
-    """Return (N, 2, 2): the nearest side's variance across it, the next nearest's along it."""
+    """Return (N, 2, 2): across the nearest side its variance, along it the second nearest's."""
     ring, count = outline.ring, len(points)
     if len(ring) == 0 or count == 0:
         return np.tile(np.eye(2) * LEAST_SIGMA**2, (count, 1, 1))
@@ -254,11 +255,11 @@ def _side_covariance(outline: _KnownOutline, points: Floats) -> Floats:
 
 
 def _pose_covariance(pose: PlacedPose, outline: _KnownOutline, points: Floats) -> Floats:
-    """Return (N, 2, 2): how the pose's covariance moves points in the table's frame.
+    """Return (N, 2, 2): the covariance of points in the table's frame from that of the pose.
 
-    Beside a side that nothing bounds the pose, a centroid, is as unknown as the side: the place
-    along its normal is then taken to be as well known as across it. Where two such sides lie in
-    different directions the place is not known at all (NaN).
+    The pose is a centroid. If nothing bounds a side, the centroid is unknown along that side's
+    normal: the variance there is then taken to be that of the other direction. If two such sides
+    have different normals, the place is unknown (NaN).
     """
     covariance = np.array(pose.covariance, dtype=np.float64)
     table_from_map = np.eye(3)
@@ -279,11 +280,11 @@ def _pose_covariance(pose: PlacedPose, outline: _KnownOutline, points: Floats) -
 
 
 def _share(region: shapely.Geometry, points: Floats, covariance: Floats) -> Floats:
-    """Return how much of a Gaussian about each point (N, 2), covariance (N, 2, 2), is in a region.
+    """Return the share in a region of a Gaussian about each point (N, 2), covariance (N, 2, 2).
 
-    Each oriented segment of the region's rings adds the triangle that it spans with the point: in
-    the whitened plane, where its line passes the point at distance h, an end at t along it stands
-    for atan(t / h) / 2 pi - T(h, t / h).
+    Each oriented segment of the region's rings adds the triangle that it forms with the point. In
+    the whitened plane let the segment's line pass the point at distance h. An end at t along the
+    line contributes atan(t / h) / 2 pi - T(h, t / h).
     """
     least = LEAST_SIGMA**2
     first = np.sqrt(np.maximum(covariance[:, 0, 0], least))[:, None]

@@ -1,4 +1,4 @@
-"""An outline that may cross itself, as the polygon that it stands for."""
+"""The polygon of an outline that may cross itself."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from numpy.typing import ArrayLike
 
 
 def simple_polygon(outline: ArrayLike) -> shapely.Polygon:
-    """Return the polygon of an outline (n, 2); of one that crosses itself its largest part.
+    """Return the polygon of an outline (n, 2); if it crosses itself, return the largest part.
 
-    Empty where the outline encloses nothing.
+    The polygon is empty if the outline encloses nothing.
     """
     polygon = shapely.Polygon(outline)
     if polygon.is_valid:

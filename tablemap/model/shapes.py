@@ -1,7 +1,7 @@
-"""What a shape is: one record each, read by whatever asks about a shape by its name.
+"""The records of all shapes; all code reads the facts about a shape from its record.
 
-A new shape is its record here and its fit in `tablemap.stages.surface.shapes`; to be simulated, its
-outline in `tablemap.simulation.shapes` too.
+A new shape needs its record here and its fit in `tablemap.stages.surface.shapes`. To be simulated,
+it also needs its outline in `tablemap.simulation.shapes`.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from tablemap.errors import TablemapError
 
 @dataclass(frozen=True, kw_only=True)
 class ShapeRecord:
-    """One shape, as ``table.json`` has it.
+    """One shape, as in ``table.json``.
 
     name: its name in every file.
-    adjective: what a thing of this shape is, for people.
-    lengths: names of its lengths, metres, the longest first. The first runs along x of the
-        shape's own frame, the second across. Empty: its outline alone says how large it is.
+    adjective: for people, such as in "a round table".
+    lengths: names of its lengths, metres, the longest first. The first is along x of the shape's
+        own frame, the second across. Empty: only its outline gives its size.
     angle: name of the angle from the first length to the second, radians, counter-clockwise. None:
-        it is a right one.
-    symmetry: the least turn that brings the shape onto itself, radians. 0: every turn does. None:
-        that depends on its outline.
-    is_mirrored: whether mirroring at the axes of its own frame brings it onto itself. A shape that
-        only its outline tells is taken for one.
-    corners: how many corners it has. 0: its outline is a curve. None: that depends on its outline.
+        a right angle.
+    symmetry: the smallest turn that maps the shape onto itself, radians. 0: every turn. None: it
+        depends on the outline.
+    is_mirrored: whether mirroring at the axes of its own frame maps it onto itself; True also for
+        shapes that only an outline gives.
+    corners: number of corners. 0: its outline is a curve. None: it depends on the outline.
     is_elliptic: whether its lengths are the axes of an ellipse; a circle has one.
-    broken_symmetries: how many it gives up of equal lengths and right angles.
-    is_section: whether a leg's cross-section is called by its name.
+    broken_symmetries: number of equal lengths and right angles that it lacks.
+    is_section: whether a leg's cross-section may have this name.
     """
 
     name: str
@@ -55,9 +55,9 @@ class ShapeRecord:
 
     @property
     def yaw_period(self) -> float:
-        """The yaw is in [0, period), radians; 0: it is always 0.
+        """The yaw is in [0, period), radians; with a period of 0 it is always 0.
 
-        Where only the outline tells the symmetry, the yaw is an axis: its longest side's.
+        If the symmetry depends on the outline, the yaw is the axis of the longest side.
         """
         return math.pi if self.symmetry is None else self.symmetry
 
@@ -77,7 +77,7 @@ class ShapeRecord:
         return self.corners == 4
 
     def extents(self, sizes: Mapping[str, float]) -> tuple[float, float] | None:
-        """Return its first and its last length, metres; None where ``sizes`` lack one."""
+        """Return its first and its last length, metres; None if ``sizes`` lack one."""
         if not self.lengths or not set(self.lengths) <= sizes.keys():
             return None
         return sizes[self.lengths[0]], sizes[self.lengths[-1]]
@@ -139,7 +139,7 @@ STADIUM = ShapeRecord(
 """A rectangle with half circles for its ends; its length is from end to end."""
 POLYGON = ShapeRecord(name="polygon", adjective="angular")
 MESH = ShapeRecord(name="mesh", adjective="irregular")
-"""The hull of what was seen: no primitive fits."""
+"""The hull of the seen top, if no primitive fits."""
 
 SHAPES: dict[str, ShapeRecord] = {
     record.name: record
@@ -151,11 +151,11 @@ SHAPES: dict[str, ShapeRecord] = {
 DIMENSIONS = "figures by name, lengths in metres and angles in radians; " + "; ".join(
     f"{record.name}: {', '.join(record.dimensions) or 'none'}" for record in SHAPES.values()
 )
-"""What each shape's dimensions are called, for the schemas."""
+"""The names of each shape's dimensions, for the schemas."""
 
 
 def shape_named(name: str) -> ShapeRecord:
-    """Return the shape of a name. Raises `TablemapError` where there is none."""
+    """Return the shape of a name. Raises `TablemapError` if there is none."""
     if name not in SHAPES:
         raise TablemapError(f"expected a shape ({', '.join(SHAPES)}), found {name!r}.")
     return SHAPES[name]
@@ -167,7 +167,7 @@ def is_angle(name: str) -> bool:
 
 
 class NameOf:
-    """Holds a field of a document to the names of the shapes that are ``meant``."""
+    """Limits a field of a document to the names of the shapes for which ``meant`` is true."""
 
     def __init__(self, meant: Callable[[ShapeRecord], bool]) -> None:
         self._meant = meant

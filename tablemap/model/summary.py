@@ -1,4 +1,4 @@
-"""A model in words: the few lines that people read first."""
+"""A model's summary: the few lines that people read first."""
 
 from __future__ import annotations
 
@@ -64,14 +64,14 @@ def line(model: TableModel) -> str:
 
 
 def length(figure: Figure) -> str:
-    """Return a length in metres with its sigma in millimetres, where it has one."""
+    """Return a length in metres with its sigma in millimetres, if it has one."""
     if figure.sigma is None:
         return f"{figure.value:.4f} m"
     return f"{figure.value:.4f} m +- {1000 * figure.sigma:.1f} mm"
 
 
 def angle(figure: Figure) -> str:
-    """Return an angle in degrees with its sigma, where it has one."""
+    """Return an angle in degrees with its sigma, if it has one."""
     value = f"{math.degrees(figure.value):.2f}"
     return (
         f"{value} deg"

@@ -1,7 +1,7 @@
-"""The model of a table: what ``table.json`` holds, and how it is read and written.
+"""The model of a table: the contents of ``table.json``, and how it is read and written.
 
-Bytes repeat: keys keep their order, and numbers are rounded to the decimals that figures agree to
-across machines' threads (micrometres, microradians; covariances to nine significant digits).
+Equal runs give equal bytes: keys keep their order, and numbers are rounded, as their last bits
+depend on threads (micrometres, microradians; covariances to nine significant digits).
 """
 
 from __future__ import annotations
@@ -62,24 +62,23 @@ Row = tuple[Variance, Variance, Variance]
 
 
 class Part(BaseModel):
-    """A part of the model: frozen; fields that a reader does not know are ignored."""
+    """A part of the model: frozen; unknown fields in the file are ignored."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 
 
 class Figure(Part):
-    """A value and its standard deviation; null where no covariance stands behind one."""
+    """A value and its standard deviation; null if no data supports one."""
 
     value: Number = Field(description="metres, or radians of an angle")
     sigma: Number | None = Field(
-        description="its standard deviation, in the same unit; null where no covariance stands "
-        "behind one",
+        description="its standard deviation, in the same unit; null if no data supports one",
     )
     budget: dict[str, Variance] | None = Field(
         default=None,
         description="the parts of the variance by cause, in the unit squared; their sum is sigma "
         "squared. Causes: noise, poses, drive_scale, depth, tilt, focal, mount, rim, level, shape, "
-        "share, other; null where they were not told apart",
+        "share, other; null if they are unknown",
     )
 
 
@@ -134,7 +133,7 @@ class Alternative(Part):
 
 
 class TableSurface(Part):
-    """The top of the table; ``beside`` is the outline of what touches it and is no part of it."""
+    """The top of the table; ``beside`` is the outline of another surface that touches it."""
 
     shape: ShapeName = Field(description="name of the shape")
     pose: SurfacePose = Field(description="place and heading of the top in `frame`")
@@ -159,8 +158,8 @@ class TableSurface(Part):
     )
     beside: tuple[Point, ...] | None = Field(
         default=None,
-        description="outline of what touches the top at its height and is no part of it: [x, "
-        "y] each, metres in `frame`; null where nothing does",
+        description="outline of another surface that touches the top at its height: [x, y] each, "
+        "metres in `frame`; null without one",
     )
 
     def contains(
@@ -168,15 +167,15 @@ class TableSurface(Part):
     ) -> NDArray[np.float64]:
         """Return the probability that points lie on the top, seen from above.
 
-        ``x`` and ``y`` are metres, numbers or arrays that broadcast; what is returned has their
-        common shape. In ``map`` (the model's own frame, whatever its name) the pose's covariance
-        and the sides' sigmas count. In ``table`` (origin at the pose, x along the length) the
-        sides' alone count: how sure a robot can be that has just seen the table. NaN where it is
-        not known: where a side decides that was not seen or that has no sigma, and for points that
-        are not finite. Raises `TablemapError` where ``x`` and ``y`` are no numbers, their shapes do
-        not fit, or there is no such frame.
+        ``x`` and ``y`` are metres, numbers or arrays that broadcast; the result has their common
+        shape. In ``map`` (the model's own frame, whatever its name) the pose's covariance and the
+        sides' sigmas count. In ``table`` (origin at the pose, x along the length) only the sides'
+        sigmas count, as for a robot that has just seen the table. The result is NaN for points that
+        are not finite, and where it depends on a side that was not seen or has no sigma. Raises
+        `TablemapError` if ``x`` and ``y`` are not numbers, their shapes do not fit, or the frame is
+        unknown.
         """
-        # Imported here: NumPy and SciPy take longer than all that reads a model else.
+        # Imported here: NumPy and SciPy take longer to import than a model takes to read.
         from tablemap.model.footprint import probability_on_top
 
         return probability_on_top(self, x, y, frame=frame)
@@ -220,19 +219,19 @@ class PoseSigma(Part):
 
 
 class SnapshotPose(Part):
-    """Where a snapshot was, and why it was not used."""
+    """The pose of a snapshot, and the reason if it was not used."""
 
     stamp_ns: int = Field(description="nanoseconds; the snapshot's time in the recording")
     map_from_base: PlanarPose = Field(description="pose of the robot's base in `frame`")
     sigma: PoseSigma | None = Field(
         description="its standard deviations, relative to the other snapshots; null where unknown",
     )
-    used: bool = Field(description="whether the model rests on it")
+    used: bool = Field(description="whether the model uses it")
     reason: str | None = Field(description="why it was not used; null where it was")
 
 
 class Verdict(Part):
-    """Whether the model is to be trusted."""
+    """Whether the model can be trusted."""
 
     level: Level = Field(description="good; doubtful: look at the reasons; failed: not to be used")
     reasons: tuple[str, ...] = Field(description="what is doubted, a sentence each")
@@ -253,7 +252,7 @@ class WarningEntry(Part):
 
 
 class CalibrationEntry(Part):
-    """What the floor said about the camera, and how sure it was."""
+    """The camera's corrections by the floor, with their sigmas."""
 
     roll: Number = Field(
         description="radians about the base's x axis (the head's, where the error turns with the "
@@ -272,16 +271,16 @@ class CalibrationEntry(Part):
 class TableModel(Part):
     """A table as a robot can use it. Metres and radians, in the recording's ``frame``.
 
-    ``frame``: the map, or what the recording has as its fixed frame.
-    ``floor_z``: height of the floor in ``frame``; all other heights count from it.
-    ``surface``: the top: shape, pose, dimensions, outline, edges.
-    ``legs``: every leg that was found, or put by symmetry.
-    ``snapshots``: where the base stood, and which views were used.
-    ``calibration``: what the floor said about the camera; None without one.
-    ``verdict``: whether the model is to be trusted.
-    ``warnings``: what its reader must know.
+    - ``frame``: the map, or the recording's fixed frame
+    - ``floor_z``: height of the floor in ``frame``; all other heights count from it
+    - ``surface``: the top: shape, pose, dimensions, outline, edges
+    - ``legs``: every leg that was found, or added by symmetry
+    - ``snapshots``: poses of the base, and which views were used
+    - ``calibration``: the camera's corrections by the floor, None without any
+    - ``verdict``: whether the model can be trusted
+    - ``warnings``: facts that the model's reader must know
 
-    Raises `TablemapError` where a part is missing or not as it should be.
+    Raises `TablemapError` if a part is missing or not valid.
     """
 
     frame: str = Field(
@@ -316,7 +315,7 @@ class TableModel(Part):
     def to_json(self) -> str:
         """Return the text of ``table.json``.
 
-        Raises `TablemapError` where a number is not finite.
+        Raises `TablemapError` if a number is not finite.
         """
         document = {"schema": SCHEMA, **self.model_dump(mode="json")}
         try:
@@ -328,9 +327,9 @@ class TableModel(Part):
 
     @staticmethod
     def from_json(text: str) -> TableModel:
-        """Read ``table.json``; fields that are not known are ignored.
+        """Read ``table.json``; unknown fields are ignored.
 
-        Raises `TablemapError` where the text is no table model, or one of a later schema.
+        Raises `TablemapError` if the text is no table model, or one of a later schema.
         """
         return parse_document(text, TableModel, schema=SCHEMA, noun=NOUN)
 
@@ -338,7 +337,7 @@ class TableModel(Part):
     def load(path: AnyPath) -> TableModel:
         """Read ``table.json``, or the one in a run folder.
 
-        Raises `TablemapError` where there is none, or the file is no table model.
+        Raises `TablemapError` if there is none, or the file is no table model.
         """
         given = as_path(path)
         file = given / "table.json" if given.is_dir() else given
