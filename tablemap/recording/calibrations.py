@@ -1,4 +1,4 @@
-"""A depth camera's calibration over the drive: which one was valid for which image."""
+"""A depth camera's calibrations over the drive, and the valid one for each image."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from tablemap.recording.rectification import (
 )
 
 SAME_SHARE = 0.005
-"""Focal lengths, and principal points as a share of the image, that differ by less are the same."""
+"""Largest difference of equal focal lengths and principal points, as a share of the image."""
 
 
 @dataclass(frozen=True, eq=False)
 class Calibrations:
-    """The calibrations that differ, each valid from its stamp until that of the next.
+    """The different calibrations; each is valid from its stamp until that of the next one.
 
-    ``topic`` is where they were published, ``depth`` the topic of the images that they are for.
+    ``topic`` is the topic of the calibrations, ``depth`` that of their images.
     """
 
     topic: str
@@ -39,10 +39,11 @@ class Calibrations:
         return self.infos[self._index(stamp_ns)]
 
     def rectification(self, stamp_ns: int, width: int, height: int) -> Rectification:
-        """Return how an image of a size becomes a pinhole's, by what was valid at its stamp.
+        """Return the rectification of an image of a size, by the calibration valid at its stamp.
 
-        Where that is for another size, the nearest in time that fits is taken: image and
-        calibration do not always change at once. Raises `RecordingError` where none fits.
+        If that calibration is for another size, the nearest one in time that fits is taken, as
+        image and calibration do not always change at the same time. Raises `RecordingError` if none
+        fits.
         """
         valid = self._index(stamp_ns)
         nearest = sorted(range(len(self.infos)), key=lambda i: (abs(i - valid), i))
@@ -71,10 +72,10 @@ class Calibrations:
 def valid_calibrations(
     infos: Sequence[CameraInfo], *, topic: str, depth: str
 ) -> tuple[Calibrations, list[ProcessWarning]]:
-    """Return what is a calibration of all that was published, in time order, and say what is not.
+    """Return the valid calibrations in time order, and warnings about the others.
 
-    Drivers publish zeros until they know better. Where all that is wrong is the distortion, the
-    images are taken as undistorted, which costs the verdict.
+    Drivers publish zeros until they know the calibration. If only the distortion is wrong, the
+    images are taken as undistorted, with a warning that lowers the verdict.
     """
     rectified = is_rectified(depth)
     ordered = sorted(infos, key=lambda info: info.stamp_ns)
@@ -120,9 +121,9 @@ def is_same(first: CameraInfo, second: CameraInfo) -> bool:
 
 
 def apart(first: Floats, second: Floats, width: int, height: int) -> float:
-    """Return how far two pinholes (3, 3) of one image differ, as a share of it.
+    """Return the difference of two pinholes (3, 3) of one image, as a share of it.
 
-    That is the larger of the differences of the focal lengths, and of the principal points.
+    It is the larger one of the differences of the focal lengths and of the principal points.
     """
     focal = np.abs(np.array([second[0, 0] / first[0, 0], second[1, 1] / first[1, 1]]) - 1)
     middle = np.abs(second[:2, 2] - first[:2, 2]) / (width, height)
@@ -132,10 +133,10 @@ def apart(first: Floats, second: Floats, width: int, height: int) -> float:
 def dissenting(
     used: Calibrations, others: Sequence[tuple[str, CameraInfo]], *, width: int, height: int
 ) -> list[tuple[str, CameraInfo]]:
-    """Return what else calibrates the same image, and differs: by name.
+    """Return the names of other calibrations of the same image that differ.
 
-    ``others`` are what other topics state of the same frame; of one calibration K and P may
-    disagree, though nothing is distorted.
+    ``others`` are the calibrations of the same frame on other topics. K and P of one calibration
+    may differ, too, although nothing is distorted.
     """
     rectified = is_rectified(used.depth)
     info = used.infos[0]
@@ -159,6 +160,6 @@ def dissenting(
 
 
 def stated(info: CameraInfo, *, depth: str) -> str:
-    """Say what a calibration states of the images on a topic."""
+    """Return words for the pinhole of a calibration."""
     k = used_matrix(info, rectified=is_rectified(depth))
     return f"f {k[0, 0]:.1f}, {k[1, 1]:.1f}, c {k[0, 2]:.1f}, {k[1, 2]:.1f}"

@@ -1,4 +1,4 @@
-"""What was said of a recording before it was converted: a message that the copy carries along."""
+"""Warnings about a recording before its conversion: the copy has them as a message."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ TOPIC, SCHEMA = "/tablemap/converted", "tablemap.Converted"
 
 
 def carried_warnings(source: Source) -> list[ProcessWarning]:
-    """Return what was said of the original of a converted recording; nothing of any other."""
+    """Return the warnings about the original of a converted recording; none for others."""
     channels = [id for id, channel in source.channels.items() if channel.schema_name == SCHEMA]
     found: list[ProcessWarning] = []
     for message in source.messages(channels) if channels else ():

@@ -1,4 +1,4 @@
-"""The channels that a recording is read from: decoded messages, by their header stamps."""
+"""The channels of a recording: decoded messages in the order of their header stamps."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Stamped:
 class Channels:
     """The messages of the topics that have a role.
 
-    Stamps and transforms are read once, here: `of` tells a topic's stamps, ``collector`` has the
-    transforms. ``say`` takes the code and the words of a warning.
+    Stamps and transforms are read once, here: `of` returns a topic's stamps, ``collector`` has the
+    transforms. ``say`` takes the code and the message of a warning.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Channels:
         self._survey()
 
     def of(self, topic: Topic | None) -> Stamped:
-        """Return which messages a topic has (None: no topic, and none)."""
+        """Return the stamps of a topic's messages; without a topic there are none."""
         if topic is None or topic.name not in self._stamped:
             return _by_stamp([])
         if topic.name in self._others:
@@ -76,7 +76,7 @@ class Channels:
     def in_order(
         self, topic: Topic, due: Stamped
     ) -> Iterator[Image | CompressedImage | CameraInfo | LaserScan]:
-        """Yield a topic's messages of the stamps that are due, decoded, by their stamps."""
+        """Yield the decoded messages of a topic at the given stamps, in the stamps' order."""
         ids = topic.ids & self._decoders.keys()
         waiting: dict[int, Image | CompressedImage | CameraInfo | LaserScan] = {}
         expected = dict.fromkeys(due.stamps_ns.tolist())
@@ -102,13 +102,13 @@ class Channels:
             yield waiting[stamp]
 
     def say_undecoded(self, topic: str, error: DecodingError) -> None:
-        """Say once that a message was left out, and why."""
+        """Warn once that a message was left out, and why."""
         self._say("recording.damaged", f"A message on {topic} was left out: it {error}.")
 
     def _take_calibration(
         self, decoder: Decoder, raw: RawMessage, latest: dict[int, bytes]
     ) -> None:
-        """Keep a calibration that is not the one before; most differ in their stamps alone."""
+        """Keep a calibration unless it equals the one before; most differ only in their stamps."""
         rest = bytes(raw.data[_BEHIND_STAMP:]) if decoder.begins_with_header else b""
         if rest and latest.get(raw.channel_id) == rest:
             return
@@ -167,7 +167,7 @@ def _by_stamp(pairs: list[tuple[int, int]]) -> Stamped:
 
 
 def only(have: Stamped, stamps_ns: ArrayLike | None) -> Stamped:
-    """Return those of the given stamps alone, or all where none are given."""
+    """Return only the given stamps, or all if None is given."""
     if stamps_ns is None:
         return have
     kept = np.isin(have.stamps_ns, np.asarray(stamps_ns, dtype=np.int64))

@@ -1,4 +1,4 @@
-"""What a message claims to be, held against the limits before it costs anything.
+"""Check of a message's claimed size against the limits, before it costs memory or time.
 
 A list of a million empty messages takes two bytes each in a recording, and a hundred in memory.
 """
@@ -19,11 +19,11 @@ _VARINT, _FIXED64, _BYTES, _GROUP, _GROUP_END, _FIXED32 = range(6)
 
 
 class ClaimError(Exception):
-    """A message that claims to be more than is read; the text completes "it ..."."""
+    """A message that claims more than the limits allow; the text completes "it ..."."""
 
 
 class Counted:
-    """Makes objects of a type that lists hold, as many of all types in a message as allowed."""
+    """Makes objects of a type for lists; counts those of all types in a message against a limit."""
 
     def __init__(self, left: list[int], make: Callable[..., Any], limits: LimitsConfig) -> None:
         self._left, self._make, self._limits = left, make, limits
@@ -61,7 +61,7 @@ def check_protobuf(data: memoryview, descriptor: Any, limits: LimitsConfig) -> b
 
 
 def _count_fields(message: bytes, descriptor: Any, limits: LimitsConfig) -> None:
-    """Count the fields of a message and of those within it; stop at what is no such message."""
+    """Count the fields of a message and of its parts; stop at bytes that are no message."""
     count = 0
     waiting = [(0, len(message), descriptor)]
     while waiting:
@@ -102,7 +102,7 @@ def _varint(data: bytes, at: int, end: int) -> tuple[int, int]:
 
 
 def check_message(message: Any, limits: LimitsConfig) -> None:
-    """Raise `ClaimError` where a message has more in it than is read, or makes no sense."""
+    """Raise `ClaimError` if a message has more parts than allowed, or makes no sense."""
     if isinstance(message, tuple):
         for transform in message:
             _check_name(max(transform.parent_frame, transform.child_frame, key=len), limits)
@@ -135,7 +135,7 @@ def check_points(message: Any, limits: LimitsConfig) -> None:
 
 
 def declared_size(message: CompressedImage) -> tuple[int, int] | None:
-    """Return the width and height that a PNG or an RVL image says it has; None of others."""
+    """Return the declared width and height of a PNG or RVL image; None for others."""
     data = message.data
     for skipped in (0, _DEPTH_HEADER):
         if bytes(data[skipped : skipped + len(_PNG)]) == _PNG:

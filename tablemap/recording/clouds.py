@@ -1,7 +1,7 @@
 """Point clouds of cameras -> depth images: an organised cloud is an image that was unprojected.
 
-Its rows and columns give the pinhole back that it was made with: u = fx x/z + cx, v = fy y/z + cy
-hold for every point, to a rounding error.
+The pinhole of that image follows from the cloud's rows and columns, as every point fulfils
+u = fx x/z + cx and v = fy y/z + cy up to a rounding error.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tablemap.geometry import Floats, Ints
 
 _FLOATS = {7: "f4", 8: "f8"}  # PointField's and Foxglove's numbers agree
-_PIXELS_OFF = 0.2  # most that a point of a camera may lie beside its pixel
+_PIXELS_OFF = 0.2  # pixels, largest distance of a camera's point from its pixel
 _FEWEST = 50  # points for a fit
 _FITTED = 4000  # points that are enough for it
 _SMALLEST = 8  # rows and columns of an image
@@ -23,11 +23,11 @@ _SMALLEST = 8  # rows and columns of an image
 
 @dataclass(frozen=True, eq=False)
 class CloudDepth:
-    """The depth image that a cloud was made of.
+    """The depth image from which a cloud was made.
 
-    ``depth``: (height, width) float32, metres along the optical axis, NaN where nothing is.
-    ``k``: (3, 3), the pinhole.
-    ``is_body``: whether the cloud's own x axis points forward, as a body's does, not its z axis.
+    - ``depth``: (height, width) float32, metres along the optical axis, NaN where missing
+    - ``k``: (3, 3), the pinhole
+    - ``is_body``: whether the cloud's x axis points forward, as in a body's frame, not its z axis
     """
 
     depth: NDArray[np.float32]
@@ -46,9 +46,9 @@ def depth_of_cloud(
 ) -> CloudDepth:
     """Return the depth image of an organised cloud.
 
-    ``fields`` are (name, offset, type), ``count`` is how many points there are, ``strides`` are the
-    bytes of a row and of a point; where ``width`` is None, the rows follow without a gap and their
-    length is found. Raises `ValueError` where the cloud is no camera's.
+    ``fields`` are (name, offset, type), ``count`` is the number of points, and ``strides`` are the
+    bytes of a row and of a point. If ``width`` is None, the rows follow each other without gaps,
+    and their length is searched. Raises `ValueError` if the cloud is not from a camera.
     """
     if width is not None and (width < _SMALLEST or count < _SMALLEST * width):
         raise ValueError("a point cloud without rows and columns, from which no image can be told")
@@ -97,9 +97,9 @@ def _divisors(count: int) -> Sequence[int]:
 
 
 def _pinhole(right: Floats, down: Floats, forward: Floats) -> Floats | None:
-    """Return the pinhole on whose pixels the (height, width) points lie, None where there is none.
+    """Return the pinhole that puts the points (height, width) on their pixels; None without one.
 
-    A few points tell most wrong widths and axes; only what passes them is tried on more.
+    A few points rule out most wrong widths and axes; only the others are tried on more points.
     """
     k: Floats | None = None
     for most in (2 * _FEWEST, _FITTED):
@@ -123,7 +123,7 @@ def _pinhole(right: Floats, down: Floats, forward: Floats) -> Floats | None:
 
 
 def _line(tangents: Floats, pixels: Ints) -> tuple[float, float] | None:
-    """Return focal length and centre of pixels = focal tangents + centre, None where it is none."""
+    """Return focal length and centre in pixels = focal tangents + centre; None if this fails."""
     if np.ptp(tangents) == 0 or np.ptp(pixels) == 0:
         return None
     focal, centre = np.polyfit(tangents, pixels, 1)

@@ -1,7 +1,7 @@
-"""A recording of any form -> an MCAP with what processing needs, which gives the same table.
+"""Conversion of a recording to an MCAP with only the needed messages; it gives the same table.
 
-What was said of the original (files that were cut short, a choice between two cameras) goes along
-as a message, so that the copy says it too.
+Warnings about the original (files that were cut short, a choice between two cameras) are written as
+a message, so that the copy gives them, too.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _SCHEMA = {
 
 @dataclass(frozen=True)
 class Conversion:
-    """What was written: the messages a topic, the file's bytes, and what was lost or chosen."""
+    """The result: number of messages by topic, size of the file, and warnings."""
 
     path: Path
     topics: dict[str, int]
@@ -58,12 +58,12 @@ def convert(
     colour: bool = True,
     progress: Callable[[float], None] = lambda _: None,
 ) -> Conversion:
-    """Write what processing needs of a recording as an MCAP: chunks in zstd, indexed, with CRCs.
+    """Write the messages that processing needs as an MCAP: chunks in zstd, indexed, with CRCs.
 
-    These are the chosen depth images, the colour images beside them unless left out, and all
-    calibrations, scans and poses. ``progress`` is given the share of the time that is done.
-    ``output`` appears once it is whole. Raises `RecordingError` where the recording cannot be
-    processed, or ``output`` is a part of it or cannot be written.
+    They are the chosen depth images, their colour images unless left out, and all calibrations,
+    scans and poses. ``progress`` is called with the finished share of the time. ``output`` appears
+    only when complete. Raises `RecordingError` if the recording cannot be processed, or ``output``
+    is a part of it or cannot be written.
     """
     given = Input.of(recording)
     config, limits = topics or TopicsConfig(), limits or LimitsConfig()
@@ -103,7 +103,7 @@ def _write(
     warnings: list[ProcessWarning],
     show: Callable[[float], None],
 ) -> dict[str, int]:
-    """Write the topics' messages, then what was said; return how many there are of each topic."""
+    """Write the topics' messages, then the warnings; return the number of messages by topic."""
     with path.open("wb") as stream:
         writer = Writer(stream, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
         writer.start(source.profile, f"tablemap {__version__}")
@@ -118,14 +118,14 @@ def _write(
             )
             counts[source.channels[message.channel_id].topic] += 1
             show((time_ns - source.start_ns) / duration)
-        # All was read by now, and all that is damaged was met.
+        # Everything has been read by now, so that all damage is known.
         _write_said(writer, given, warnings, source.start_ns)
         writer.finish()  # type: ignore[no-untyped-call]
     return counts
 
 
 def _register(writer: Writer, channel: Channel) -> int:
-    """Add a channel with its schema, which is complete also where the original left it out."""
+    """Add a channel with its schema; the schema is complete even if the original's was empty."""
     name, text = channel.schema_name, channel.schema_data
     encoding = channel.schema_encoding
     if channel.message_encoding == "ros1":

@@ -1,8 +1,7 @@
 """Recorded bytes -> messages: ROS 1, ROS 2 (CDR), Foxglove's protobuf, and its JSON.
 
-The types are built from the schemas that the recording embeds, so that older and newer versions of
-a message are read as they were written. Only where a schema's text is empty are the standard
-messages of ROS assumed.
+The types are built from the schemas in the recording, so that older and newer versions of a message
+are read correctly. If a schema's text is empty, the standard message of ROS is assumed.
 """
 
 from __future__ import annotations
@@ -81,7 +80,7 @@ _KINDS = {
 }
 
 
-_MOST_WORDS = 160  # characters of another program's error that are quoted
+_MOST_WORDS = 160  # most characters quoted from another program's error
 
 
 class DecodingError(Exception):
@@ -94,7 +93,7 @@ def schema_key(name: str) -> str:
 
 
 def kind_of(channel: Channel) -> str | None:
-    """Return what a channel carries, or None where processing has no use for it."""
+    """Return the kind of a channel's messages, or None if processing does not need them."""
     key = schema_key(channel.schema_name)
     if key.startswith("foxglove_msgs/"):
         key = key.replace("foxglove_msgs/", "foxglove/")
@@ -122,7 +121,7 @@ class Decoder:
         try:
             data = self._unpacked(raw)
             if self._direct is not None:
-                # What it cannot read (another byte order, say) goes to the general decoder.
+                # Messages that it cannot read (in another byte order) go to the general decoder.
                 with suppress(struct.error, UnicodeDecodeError):
                     return self._direct(data, raw.log_time_ns, self._is_static)
             parsed = self._parse(data)
@@ -144,7 +143,7 @@ class Decoder:
         return self._peek is not None
 
     def header(self, raw: RawMessage) -> tuple[int, str]:
-        """Return the header's stamp and frame, without decoding the rest where that can be."""
+        """Return the header's stamp and frame, if possible without decoding the rest."""
         if self._peek is not None:
             try:
                 stamp_ns, frame_id = self._peek(self._unpacked(raw))
@@ -178,7 +177,7 @@ Parser = tuple[Parse, Peek | None, DirectReader | None]
 
 
 def _parser(channel: Channel, limits: LimitsConfig) -> Parser:
-    """Return what turns bytes into an object, and the short ways to the stamp and to transforms."""
+    """Return the parser of bytes, with fast readers for the stamp and for transforms."""
     return _schema_parser(
         channel.message_encoding,
         channel.schema_name,
@@ -209,14 +208,14 @@ def _schema_parser(
             return (lambda data: _parse_json(check_json(data, limits))), None, None
     except SchemaError as error:
         raise DecodingError(f"has a schema that {error}") from error
-    # A schema may hold anything; what its parser raises is no business of the caller.
+    # A schema may contain anything, and its parser may raise anything.
     except Exception as error:
         raise DecodingError(f"has a schema that cannot be parsed ({_brief(error)})") from error
     raise DecodingError(f"is encoded as {encoding!r}, which is not read")
 
 
 def _brief(error: Exception) -> str:
-    """Return what an error says, in one line that is not long: some quote all that they read."""
+    """Return an error's text in one short line, as some errors quote everything that they read."""
     words = " ".join(str(error).split()) or type(error).__name__
     return words if len(words) <= _MOST_WORDS else f"{words[:_MOST_WORDS]}..."
 
@@ -384,13 +383,13 @@ def _cloud(message: Any, log_ns: int) -> CloudImage:
 
 
 def _pose(message: Any, log_ns: int) -> Pose:
-    """Take a pose, with or without a covariance, from where its message has it."""
+    """Find the pose in its message, with or without a covariance."""
     stamp_ns, frame_id = _header(message, log_ns)
     pose, unknown = message.pose, float("nan")
     sigma = (unknown, unknown, unknown)
     if hasattr(pose, "covariance"):
         variances = np.array(pose.covariance, dtype=np.float64).reshape(6, 6)[[0, 1, 5], [0, 1, 5]]
-        # All zeros is what a sender leaves that does not know.
+        # A sender that does not know the covariance leaves it at zero.
         if np.all(np.isfinite(variances)) and np.all(variances >= 0) and variances.any():
             x, y, yaw = map(float, np.sqrt(variances))
             sigma = (x, y, yaw)
@@ -407,7 +406,7 @@ def _is_identity(pose: Any) -> bool:
 
 
 def _yaw_of_pose(pose: Any) -> float:
-    """Return the turn of a scan's own pose in its frame, which must be a turn alone."""
+    """Return the yaw of a scan's own pose in its frame; it must have no other part."""
     if pose is None or not (hasattr(pose, "position") and hasattr(pose, "orientation")):
         return 0.0
     place, turn = pose.position, pose.orientation
@@ -457,7 +456,7 @@ _CONVERTERS: dict[str, Convert] = {
 
 
 def _header(message: Any, log_ns: int) -> tuple[int, str]:
-    """Return stamp and frame; the log time where the stamp was left at zero."""
+    """Return stamp and frame; a stamp of zero is replaced by the log time."""
     if hasattr(message, "header"):
         header = message.header
         return _time_ns(header.stamp) or log_ns, str(header.frame_id).lstrip("/")
@@ -465,7 +464,7 @@ def _header(message: Any, log_ns: int) -> tuple[int, str]:
 
 
 def _time_ns(time: Any) -> int:
-    """Return nanoseconds of a time as ROS, protobuf or JSON spell it."""
+    """Return nanoseconds of a time in the form of ROS, protobuf or JSON."""
     if hasattr(time, "nanosec"):
         seconds, nanoseconds = int(time.sec), int(time.nanosec)
     elif hasattr(time, "nanos"):
@@ -485,7 +484,7 @@ def _bytes(data: Any) -> bytes:
 
 
 def _floats(message: Any, name: str, shape: tuple[int, int] | None) -> np.ndarray[Any, Any]:
-    """Return a calibration's array; ROS 2 spells their names small, and R and P may be empty."""
+    """Return a calibration's array; its name is lower case in ROS 2, and R and P may be empty."""
     values = (
         getattr(message, name) if hasattr(message, name) else getattr(message, name.lower(), ())
     )

@@ -18,14 +18,14 @@ from tablemap.recording.decoding import DecodingError
 from tablemap.recording.messages import CompressedImage, Image
 from tablemap.recording.rvl import decode_rvl
 
-_FARTHEST = 1e5  # no camera measures so far, in metres nor, by mistake, in millimetres
+_FARTHEST = 1e5  # no camera measures so far, even if the values are in millimetres by mistake
 _PNG = b"\x89PNG\r\n\x1a\n"
 _HEADER = struct.Struct("<iff")
 _RAW_TYPES = {"16uc1": "u2", "mono16": "u2", "32fc1": "f4"}
 
 
 def depth_encoding(message: Image | CompressedImage) -> str | None:
-    """Return ``16UC1`` or ``32FC1`` where an image may hold depth, None where it cannot."""
+    """Return ``16UC1`` or ``32FC1`` if an image may contain depth, None if it cannot."""
     if isinstance(message, Image):
         pixel = _RAW_TYPES.get(message.encoding.lower())
         return None if pixel is None else "16UC1" if pixel == "u2" else "32FC1"
@@ -44,7 +44,7 @@ def depth_encoding(message: Image | CompressedImage) -> str | None:
 
 
 def is_lossless(message: Image | CompressedImage) -> bool:
-    """Tell whether the values are those that the camera gave."""
+    """Tell whether the values are exactly those of the camera."""
     return isinstance(message, Image) or depth_encoding(message) == "16UC1"
 
 

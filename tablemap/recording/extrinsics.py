@@ -1,4 +1,4 @@
-"""Where sensors are mounted, as a TOML or a URDF file tells it.
+"""The mounting of sensors, from a TOML or a URDF file.
 
 TOML::
 
@@ -8,7 +8,7 @@ TOML::
     xyz = [0.1, 0.0, 1.1]     # metres
     rpy = [0.0, 0.5, 0.0]     # radians about x, y, z; or quaternion = [x, y, z, w]
 
-Of a URDF the fixed joints count: where a moving one stands, TF alone tells.
+In a URDF only fixed joints count, as the state of a moving joint is only in TF.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _KEYS = {"parent", "child", "xyz", "rpy", "quaternion"}
 
 
 def read_extrinsics(file: Path) -> tuple[TransformStamped, ...]:
-    """Return the static transforms of a file. Raises `RecordingError` where it is none of these."""
+    """Return the static transforms of a file. Raises `RecordingError` if it has another format."""
     try:
         text = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

@@ -1,4 +1,4 @@
-"""What a recording holds and what processing would lack: for a person to read, or as JSON."""
+"""The contents of a recording, and what is missing for processing, for people or as JSON."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from tablemap.recording.topics import (
 )
 from tablemap.recording.window import windowed
 
-_MOST_PLACES = 64  # of the recording, that are read for the TF tree
+_MOST_PLACES = 64  # places of a long recording at which transforms are read for the TF tree
 
 
 @dataclass(frozen=True)
@@ -64,9 +64,9 @@ class FrameInfo:
 
 @dataclass(frozen=True)
 class RecordingInfo:
-    """What `inspect` found. Times are log times; ``missing`` is empty where processing can start.
+    """The result of `inspect`. Times are log times; ``missing`` is empty if processing can start.
 
-    ``frames_sampled`` tells that the transforms of a long recording were read here and there only.
+    ``frames_sampled`` says that the transforms of a long recording were read only at some places.
     """
 
     path: str
@@ -89,7 +89,7 @@ class RecordingInfo:
         return (self.end_ns - self.start_ns) / 1e9
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all of it as what JSON can hold."""
+        """Return all fields as values for JSON."""
         return {**asdict(self), "duration_s": self.duration_s, "processable": not self.missing}
 
     def tree_lines(self) -> list[str]:
@@ -100,7 +100,7 @@ class RecordingInfo:
         roots = sorted(set(children) - {edge.child for edge in self.frames})
         lines: list[str] = []
         shown: set[str] = set()
-        # A tree that is one circle has no root; any of its frames shows it.
+        # A tree that is a circle has no root: start at any of its frames.
         waiting = [(root, 0, "") for root in reversed(roots or sorted(children)[:1])]
         while waiting:
             name, indent, note = waiting.pop()
@@ -119,10 +119,10 @@ class RecordingInfo:
 def inspect(
     recording: AnyInput, *, topics: TopicsConfig | None = None, limits: LimitsConfig | None = None
 ) -> RecordingInfo:
-    """Tell what an MCAP holds, without reading more of it than that takes.
+    """Return the contents of a recording, and read no more of it than needed.
 
-    ``topics`` names topics and frames that are to be taken; roles are found where it does not.
-    Raises `RecordingError` where the file is no MCAP, or has not the topics that were asked for.
+    ``topics`` may name topics and frames; roles that it does not name are found. Raises
+    `RecordingError` if the file is no recording, or lacks the named topics.
     """
     given = Input.of(recording)
     config, limits = topics or TopicsConfig(), limits or LimitsConfig()
@@ -230,7 +230,7 @@ def _described(message: Message | None) -> str:
 def _sampled_transforms(
     source: Source, roles: Roles, limits: LimitsConfig
 ) -> tuple[TransformCollector, bool]:
-    """Read the transforms, of a long recording those of the static topics and of some places."""
+    """Read the transforms; in a long recording only the static ones and those at some places."""
     decoders: dict[int, Decoder] = {}
     for topic in roles.transforms:
         if topic.first is not None:

@@ -1,4 +1,4 @@
-"""The sensor messages that processing knows, whatever wrote them.
+"""The sensor messages for processing, independent of the recorder.
 
 Field names are those of ROS; stamps are the header's, in integer nanoseconds; frames are as
 recorded, without a leading slash.
@@ -28,10 +28,10 @@ class Image:
 
 @dataclass(frozen=True, eq=False)
 class CloudImage(Image):
-    """The depth image (32FC1) that an organised point cloud was made of, and its pinhole.
+    """The depth image (32FC1) from which an organised point cloud was made, and its pinhole.
 
-    ``k``: (3, 3) float64. ``body_frame`` is the cloud's own frame where that has a body's axes (x
-    forward); ``frame_id`` then names the optical frame in the same place.
+    ``k`` is (3, 3) float64. If the cloud's own frame has a body's axes (x forward), ``body_frame``
+    is that frame, and ``frame_id`` names the optical frame at the same place.
     """
 
     k: NDArray[np.float64]
@@ -68,8 +68,8 @@ class CompressedImage:
 class CameraInfo:
     """A camera calibration: K (3, 3), D (n,), R (3, 3), P (3, 4), all float64.
 
-    It is for ``width`` x ``height`` pixels. Of these the image shows the window ``roi`` (left, top,
-    width, height; None: all), each ``binning`` (across, down) pixels made one.
+    It belongs to ``width`` x ``height`` pixels. The image shows their window ``roi`` (left, top,
+    width, height; None: all). One of its pixels is made from ``binning`` (across, down) pixels.
     """
 
     stamp_ns: int
@@ -109,10 +109,12 @@ class LaserScan:
 
 @dataclass(frozen=True)
 class Pose:
-    """A pose in a frame, of ``child_frame`` where the message tells whose it is (else empty).
+    """A pose in a frame.
 
-    ``translation``: metres. ``rotation``: quaternion (x, y, z, w). ``sigma``: standard deviations
-    of x, y (metres) and yaw (radians), NaN where the message has none.
+    - ``child_frame``: the frame that has the pose, empty if the message does not name it
+    - ``translation``: metres
+    - ``rotation``: quaternion (x, y, z, w)
+    - ``sigma``: standard deviations of x, y (metres) and yaw (radians), NaN if the message has none
     """
 
     stamp_ns: int

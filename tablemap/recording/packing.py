@@ -1,6 +1,6 @@
-"""What rosbag2 packs with zstd: whole files, and single messages.
+"""Unpacking of files and messages that rosbag2 packed with zstd.
 
-A few kilobytes can claim to unpack to gigabytes, so that what comes out is bounded.
+A few kilobytes can unpack to gigabytes, so the unpacked size is limited.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ _MESSAGE_PIECE_BYTES = 256 * 2**10
 
 
 def unpack_file(path: Path, folder: Path, limits: LimitsConfig) -> Path:
-    """Unpack a file into a folder, and return where it lies; its name loses what says packed.
+    """Unpack a file into a folder, without the suffix of packed files, and return its path.
 
-    Raises `RecordingError` where it is damaged, unpacks to too much, or the disk has no room.
+    Raises `RecordingError` if it is damaged, unpacks to too much, or the disk has no room.
     """
     unpacked = folder / path.stem
     left = most = limits.expansion * path.stat().st_size + _ALLOWANCE
@@ -52,10 +52,10 @@ def unpack_file(path: Path, folder: Path, limits: LimitsConfig) -> Path:
 
 
 def unpacked_message(data: memoryview, limits: LimitsConfig) -> memoryview:
-    """Return a message's bytes, unpacked where rosbag2 packed them.
+    """Return a message's bytes, unpacked if rosbag2 packed them.
 
-    A serialised message of ROS 2 begins with a zero byte, so that the two cannot be confused.
-    Raises `ValueError` where they cannot be unpacked, or to too much.
+    An unpacked message of ROS 2 begins with a zero byte, so that the two cannot be confused. Raises
+    `ValueError` if the bytes cannot be unpacked, or unpack to too much.
     """
     if data[:4] != ZSTD_MAGIC:
         return data

@@ -21,7 +21,7 @@ Read = Callable[[set[int]], Iterator[RawMessage]]
 def read_poses(
     source: Source, topics: Sequence[Topic], limits: LimitsConfig, *, read: Read | None = None
 ) -> list[PoseTrack]:
-    """Return the track of each topic; what is no pose is left out.
+    """Return the track of each topic; messages that are no valid pose are left out.
 
     ``read`` yields the messages of channels, by default all of them.
     """
@@ -40,7 +40,7 @@ def _track(
         try:
             pose = decoders[raw.channel_id].decode(raw)
         except DecodingError:
-            continue  # a pose less between others
+            continue  # one missing pose between others does not matter
         assert isinstance(pose, Pose)
         if (pose.frame_id, pose.child_frame) == (first.frame_id, first.child_frame):
             stamps.append(pose.stamp_ns)
@@ -48,7 +48,7 @@ def _track(
     table = np.array(values).reshape(-1, 10)
     norms = np.linalg.norm(table[:, 3:7], axis=1)
     sound = np.all(np.abs(table[:, :7]) < FARTHEST, axis=1) & (np.abs(norms - 1) < 0.1)
-    # Of several with one stamp the first counts, as in tf2.
+    # Of several poses with one stamp the first counts, as in tf2.
     times, order = np.unique(np.array(stamps, dtype=np.int64)[sound], return_index=True)
     table, norms = table[sound][order], norms[sound][order]
     return PoseTrack(

@@ -1,4 +1,4 @@
-"""A recording as raw messages on channels, be it kept in an MCAP, a bag or several files."""
+"""A recording as raw messages on channels, from an MCAP, a bag or several files."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import NamedTuple, Protocol
 from tablemap.geometry import Ints
 
 LATEST_NS = 2**63 - 1
-"""The last time that is one: in the year 2262."""
+"""The last valid time: in the year 2262."""
 
 
 @dataclass(frozen=True)
 class Channel:
-    """A topic with its schema, of which the strings are empty where the channel has none."""
+    """A topic with its schema; the schema's strings are empty if the channel has none."""
 
     id: int
     topic: str
@@ -26,7 +26,7 @@ class Channel:
 
 
 class RawMessage(NamedTuple):
-    """A message as recorded, not decoded; a ``damaged`` one lay in what failed a checksum."""
+    """A message as recorded, not decoded; a ``damaged`` one is from data with a wrong checksum."""
 
     log_time_ns: int
     channel_id: int
@@ -37,8 +37,8 @@ class RawMessage(NamedTuple):
 class Source(Protocol):
     """An opened recording: its channels, and their messages in log time order.
 
-    ``counts`` holds the messages a channel, ``start_ns`` and ``end_ns`` the log times of the first
-    and the last message. What cannot be read is said as a warning to whoever opened the source.
+    ``counts`` are the numbers of messages by channel; ``start_ns`` and ``end_ns`` are the log times
+    of the first and the last message. Losses become warnings for the caller that opened the source.
     """
 
     profile: str
@@ -59,9 +59,9 @@ class Source(Protocol):
         """Yield the channels' messages by log time, in [start, end] or at given log times."""
 
     def sample(self, channels: Collection[int], *, most: int) -> tuple[Iterator[RawMessage], bool]:
-        """Return messages from at most so many places, and whether these are all that there are.
+        """Return messages from at most ``most`` places, and whether these are all messages.
 
-        The places lie evenly over the recording, its end among them.
+        The places are spread evenly over the recording, with its end among them.
         """
 
     def close(self) -> None:

@@ -42,9 +42,11 @@ from tablemap.recording.window import windowed
 class DepthFrame:
     """One depth image as recorded and in metres.
 
-    ``depth`` is (height, width) float32 in metres along the optical axis, NaN where nothing was
-    measured, undistorted to the pinhole ``k`` (3, 3). ``message`` is what was recorded (to be
-    passed on undecoded), ``base_from_camera`` (4, 4) the optical frame's pose in the base then.
+    - ``depth``: (height, width) float32 metres along the optical axis, NaN where nothing was
+      measured, undistorted to the pinhole
+    - ``k``: (3, 3), the pinhole
+    - ``message``: the recorded message, to be passed on without decoding
+    - ``base_from_camera``: (4, 4), the optical frame's pose in the base at the stamp
     """
 
     stamp_ns: int
@@ -55,10 +57,10 @@ class DepthFrame:
 
 
 class Recording:
-    """An opened recording. Iterators stream; nothing but the TF tree and the index is kept.
+    """An opened recording. Iterators stream; only the TF tree and the index stay in memory.
 
-    Everything that goes wrong on the way (cut files, bad checksums, undecodable messages) is
-    appended to ``warnings`` as it is met. Close it, or use it as a context manager.
+    All problems (cut files, bad checksums, undecodable messages) are appended to ``warnings`` when
+    they are found. Close it, or use it as a context manager.
     """
 
     input: Input
@@ -102,7 +104,7 @@ class Recording:
 
     @property
     def path(self) -> Path:
-        """Where it is; the first place of several."""
+        """The path, or the first of several."""
         return self.input.path
 
     # What is in it.
@@ -120,13 +122,13 @@ class Recording:
         return self._pose_stamps
 
     def camera_info(self) -> CameraInfo:
-        """Return the depth camera's calibration as recorded, of several the first."""
+        """Return the depth camera's first recorded calibration."""
         return self._calibrations.infos[0]
 
     # Images and scans.
 
     def depth_frames(self, stamps_ns: ArrayLike | None = None) -> Iterator[DepthFrame]:
-        """Yield depth images in time order, only those with the given stamps if any are given.
+        """Yield depth images in time order; if stamps are given, only the images at these.
 
         An image that cannot be decoded, or has no pose at its stamp, is left out with a warning.
         """
@@ -175,7 +177,7 @@ class Recording:
     def colour_near(
         self, stamps_ns: ArrayLike, tolerance_ns: int = 100_000_000
     ) -> dict[int, Image | CompressedImage]:
-        """Return, for each given stamp, the colour image nearest in time (absent: no key)."""
+        """Return, by stamp, the colour image nearest in time; a stamp without one has no key."""
         wanted = np.atleast_1d(np.asarray(stamps_ns, dtype=np.int64))
         have = self._colour.stamps_ns
         if self.roles.colour is None or len(have) == 0 or len(wanted) == 0:
@@ -204,9 +206,9 @@ class Recording:
         *,
         stamps_ns: ArrayLike | None = None,
     ) -> Iterator[LaserScan]:
-        """Yield laser scans in time order (none without a laser), only those asked for.
+        """Yield laser scans in time order; none without a laser.
 
-        That is those with header stamps in [start, end], or with the given stamps.
+        Only scans with header stamps in [start, end], or with the given stamps, are returned.
         """
         if self.roles.laser is None or self.names.laser is None:
             return
@@ -230,7 +232,7 @@ class Recording:
     def base_from_laser(self, stamp_ns: int) -> Floats:
         """Return the (4, 4) pose of the laser in the base.
 
-        Raises `RecordingError` without a laser, or where its pose is not known at the stamp.
+        Raises `RecordingError` without a laser, or if its pose is unknown at the stamp.
         """
         if self.names.laser is None:
             raise RecordingError("The recording has no laser whose place is known.")
@@ -255,9 +257,9 @@ class Recording:
         return (ground_pose(poses) if self.names.base_is_virtual else poses), valid
 
     def localised_sigma(self, stamp_ns: int) -> Floats | None:
-        """Return what the localisation said of its pose: sigmas of x, y (metres) and yaw (radians).
+        """Return the recorded sigmas of the localised pose: x, y (metres) and yaw (radians).
 
-        None where the poses are TF's, which tells none, or no covariance was recorded.
+        None if the poses come from TF, which has no covariances, or none was recorded.
         """
         if self._localisation is None:
             return None
@@ -284,7 +286,7 @@ class Recording:
 
     @property
     def _carrier(self) -> str:
-        """The frame of the TF tree that the base is, or is derived from."""
+        """The frame of the TF tree that is the base, or from which the base is derived."""
         return self.names.camera if self.names.base_is_virtual else self.names.base
 
     def _base_from(self, frame: str, stamps_ns: Stamps) -> tuple[Floats, Bools]:
@@ -298,7 +300,7 @@ class Recording:
     # Opening.
 
     def _check_first_depth(self) -> None:
-        """Raise where the calibration does not fit the images, before anything is computed."""
+        """Raise if the calibration does not fit the images, before anything is computed."""
         assert self.roles.depth is not None
         empty = 0
         for message in self._channels.in_order(self.roles.depth, self._depth):
@@ -320,7 +322,7 @@ class Recording:
         )
 
     def _place(self, config: TopicsConfig, limits: LimitsConfig) -> Placed:
-        """Return the camera's robot: its transforms and frames, and the laser that it has."""
+        """Return the camera's robot: its transforms, its frames, and its laser."""
         found = placed(
             self._channels.collector,
             self.roles,
@@ -332,7 +334,7 @@ class Recording:
         return found
 
     def _names_without_silent_laser(self) -> FrameNames:
-        """Return the frames, without the laser's where no scan of it has returns, which is said."""
+        """Return the frames; drop the laser's, with a warning, if none of its scans has returns."""
         if self.names.laser is None or not is_silent(self.scans()):
             return self.names
         assert self.roles.laser is not None
@@ -348,7 +350,7 @@ class Recording:
         return min(int(s[0]) for s in stamps), max(int(s[-1]) for s in stamps)
 
     def _calibrated(self) -> Calibrations:
-        """Return the depth camera's calibrations over the drive; what is wrong is said."""
+        """Return the depth camera's calibrations over the drive; warn of those that are wrong."""
         assert self.roles.depth is not None
         assert self.roles.calibration is not None
         first = self.roles.calibration.first
@@ -395,10 +397,10 @@ def open_recording(
 ) -> Recording:
     """Open a recording, find its topics by role, and read its TF tree.
 
-    ``recording`` is a file or a folder, or several of one drive that are read together.
-    ``topics`` names topics and frames that are to be taken; roles are found where it does not.
-    Close what is returned, or use it as a context manager. Raises `RecordingError` where the file
-    is no MCAP, or lacks depth, its calibration or a pose.
+    ``recording`` is a file or a folder, or several of one drive that are read together. ``topics``
+    may name topics and frames; roles that it does not name are found. Close the result, or use it
+    as a context manager. Raises `RecordingError` if the file is no recording, or lacks depth, its
+    calibration or a pose.
     """
     warnings: list[ProcessWarning] = []
     given = Input.of(recording)

@@ -14,7 +14,7 @@ from tablemap.recording.messages import CameraInfo
 
 _POLYNOMIAL = ("plumb_bob", "rational_polynomial", "")
 PLAUSIBLE_STRETCH = (0.4, 2.0)
-"""How much farther from the middle a lens may show a point than a pinhole does, in the corners."""
+"""Largest plausible stretch: distance of a corner from the middle by lens over that by pinhole."""
 _FISHEYE = ("equidistant", "kannala_brandt", "kannala_brandt4", "fisheye")
 
 
@@ -30,7 +30,7 @@ class Rectification:
     source: Ints | None
 
     def apply(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Resample a depth image by the nearest pixel: between two depths there is no surface."""
+        """Resample a depth image by nearest pixels, as there is no surface between two depths."""
         if self.source is None:
             return depth
         resampled = depth.ravel()[np.maximum(self.source, 0)]
@@ -45,14 +45,13 @@ def is_rectified(topic: str) -> bool:
 
 
 def rectification(info: CameraInfo, *, width: int, height: int, topic: str) -> Rectification:
-    """Return how images of ``width`` x ``height`` pixels on ``topic`` become a pinhole's.
+    """Return the rectification of images of ``width`` x ``height`` pixels on ``topic``.
 
-    The rule: an image whose topic says ``rect`` is taken as it is, with the matrix of P. Any other
-    is a raw one, with the matrix K and the distortion D; where D is zero it is taken as it is, else
-    it is resampled to the pinhole of P (of K, where P is empty or belongs to a turned camera).
-    A calibration for another size of the same image is scaled, one of a window of it is moved.
-    Raises `RecordingError` where the
-    calibration cannot be that of a camera.
+    An image whose topic contains ``rect`` is taken as it is, with the matrix of P. Any other image
+    is raw, with the matrix K and the distortion D. If D is zero, the raw image is taken as it is.
+    Otherwise it is resampled to the pinhole of P, or of K if P is empty or belongs to a turned
+    camera. A calibration for another size of the same image is scaled; one for a window of it is
+    moved. Raises `RecordingError` if the calibration cannot be that of a camera.
     """
     window = fitting_window(info, width, height)
     rectified = is_rectified(topic)
@@ -75,10 +74,10 @@ def used_matrix(info: CameraInfo, *, rectified: bool) -> Floats:
 
 
 def flaw(info: CameraInfo, *, rectified: bool) -> str | None:
-    """Return why this is no camera's calibration, as the end of a sentence, or None where it is.
+    """Return why this is no camera's calibration, as the end of a sentence; None if it is one.
 
-    Distortion coefficients are none of a lens where the image that they make folds over itself, or
-    is stretched beyond `PLAUSIBLE_STRETCH`; of ``rectified`` images they do not matter.
+    Distortion coefficients are not those of a lens if they make the image fold over itself, or
+    stretch it by more than `PLAUSIBLE_STRETCH`. For ``rectified`` images they do not matter.
     """
     k = used_matrix(info, rectified=rectified)
     if not np.all(np.isfinite(k)) or k[0, 0] <= 0 or k[1, 1] <= 0:
@@ -108,7 +107,7 @@ def _has_projection(info: CameraInfo) -> bool:
 
 @dataclass(frozen=True)
 class PixelWindow:
-    """Which pixels of a calibrated image of a ``size`` another one shows: a part of it, scaled."""
+    """The part of a calibrated image of a ``size``, and its scale, that another image shows."""
 
     size: tuple[int, int]
     left: float = 0.0
@@ -117,7 +116,7 @@ class PixelWindow:
     down: float = 1.0
 
     def seen(self, k: Floats) -> Floats:
-        """Return a camera matrix (3, 3) as it is for the window."""
+        """Return the camera matrix (3, 3) for the window."""
         seen = np.array(k, dtype=np.float64)
         seen[:2, 2] -= self.left, self.top
         seen[0] *= self.across
@@ -128,12 +127,12 @@ class PixelWindow:
 
 
 def fitting_window(info: CameraInfo, width: int, height: int) -> PixelWindow:
-    """Return which part of the calibrated image an image of ``width`` x ``height`` pixels shows.
+    """Return the part of the calibrated image that an image of ``width`` x ``height`` pixels shows.
 
-    The region of interest and the binning are heeded where the image has their size, as
-    sensor_msgs/CameraInfo has it. Drivers leave them standing beside an image of all pixels, or
-    state the size of the window in place of the sensor's: of what fits, that with the principal
-    point nearest to the middle is taken. Raises `RecordingError` where nothing fits.
+    Region of interest and binning count if the image has their size, as defined in
+    sensor_msgs/CameraInfo. But some drivers also set them for an image of all pixels, or state the
+    window's size instead of the sensor's. Of all interpretations that fit, the one with the
+    principal point nearest to the middle is taken. Raises `RecordingError` if none fits.
     """
     size = (info.width, info.height)
     if min(size) <= 0:
@@ -164,7 +163,7 @@ def fitting_window(info: CameraInfo, width: int, height: int) -> PixelWindow:
 
 
 def _off_centre(k: Floats, width: int, height: int) -> float:
-    """Return how far the principal point is from the middle, as a share of the image."""
+    """Return the distance of the principal point from the middle, as a share of the image."""
     return float(np.hypot(k[0, 2] / width - 0.5, k[1, 2] / height - 0.5))
 
 

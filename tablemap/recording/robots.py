@@ -1,7 +1,7 @@
-"""Several robots in one recording: whose transforms, laser and camera belong together.
+"""Several robots in one recording: which transforms, laser and camera belong together.
 
-Robots are told by the namespaces of their TF topics (``/robot1/tf``), where these send the same
-frames, or by the prefixes of their frames (``robot1/base_link``) where they share one topic.
+Robots differ in the namespaces of their TF topics (``/robot1/tf``) if these send the same frames,
+or in the prefixes of their frames (``robot1/base_link``) if they share one topic.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from tablemap.recording.topics import Roles, Topic, camera_frame, with_laser
 class Placed:
     """The camera's own robot: its transforms and frames, and the roles with its laser.
 
-    ``localisation`` is the topic of poses that TF lacked, None where TF has them; ``warnings`` say
-    what was chosen, left out or sent in two ways.
+    ``localisation`` is the topic of poses that TF lacked, None if TF has them. ``warnings`` name
+    choices, omissions and contradictory transforms.
     """
 
     tree: TransformTree
@@ -41,9 +41,9 @@ def placed(
     config: TopicsConfig,
     poses: Callable[[], Sequence[PoseTrack]],
 ) -> Placed:
-    """Return the camera's own robot; ``poses`` reads the topics of poses, where TF lacks them.
+    """Return the camera's own robot; ``poses`` reads the topics of poses, if TF lacks them.
 
-    Raises `RecordingError` where the camera's poses, or whose camera it is, cannot be told.
+    Raises `RecordingError` if the camera's poses, or its robot, cannot be determined.
     """
     tree, others, warnings = own_tree(collector, roles, robot=config.robot)
     if config.extrinsics:
@@ -68,8 +68,8 @@ def own_tree(
 ) -> tuple[TransformTree, frozenset[str], list[ProcessWarning]]:
     """Return the transforms of the camera's own robot, and the namespaces of the others.
 
-    ``robot`` is the one that was asked for, or empty. Raises `RecordingError` where it cannot be
-    told whose camera it is.
+    ``robot`` is the requested one, or empty. Raises `RecordingError` if the camera's robot cannot
+    be determined.
     """
     robots, given = collector.robots(), robot.strip("/")
     if not robots:

@@ -1,8 +1,9 @@
 """Depth images compressed by runs and variable-length differences (RVL).
 
-Wilson, "Fast lossless depth image compression" (ISS 2017): runs of zeros and of values alternate;
-run lengths and the zigzag-coded differences of successive values are written in nibbles of three
-bits and a continuation bit, least significant first, eight to a little-endian word, topmost first.
+Wilson, "Fast lossless depth image compression" (ISS 2017). Runs of zeros and runs of values
+alternate. Numbers are run lengths and zigzag-coded differences of successive values. Each is
+written in nibbles of three bits and a continuation bit, least significant first. A little-endian
+word has eight nibbles, topmost first.
 """
 
 from __future__ import annotations
@@ -12,11 +13,11 @@ from numpy.typing import NDArray
 
 from tablemap.geometry import Ints
 
-_SPARE_WORDS = 16  # an image takes less than a word a pixel; what is more is not looked at
+_SPARE_WORDS = 16  # an image takes less than a word a pixel; further words are ignored
 
 
 def decode_rvl(data: bytes | memoryview, *, pixels: int) -> NDArray[np.uint16]:
-    """Return the (pixels,) values; raises ValueError where the data does not give that many."""
+    """Return the values (pixels,); raises ValueError if the data has not that many."""
     words = min(len(data) // 4, pixels + _SPARE_WORDS)
     values = _variable_length(np.frombuffer(data, dtype="<u4", count=words))
     starts, lengths, places = [], [], []

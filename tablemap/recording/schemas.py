@@ -1,9 +1,9 @@
-"""Embedded schemas of ROS -> types, checked before code is made of them.
+"""Types from embedded schemas of ROS, checked before code is made from them.
 
-rosbags writes and compiles Python for every type: a line for each element of an array, a call for
-each type within another. A schema of a hundred bytes can ask for gigabytes of it, and one of a few
-kilobytes can keep a parser busy for ever. So a schema is bounded in size, its text is cut down to
-what decides the types, and the types are counted before any code is made.
+rosbags writes and compiles Python code for every type: a line for each element of an array, a call
+for each type within another. A schema of a hundred bytes can demand gigabytes of code, and one of a
+few kilobytes can keep a parser busy for ever. So the size of a schema is limited, its text is
+reduced to the parts that define types, and the types are counted before any code is made.
 """
 
 from __future__ import annotations
@@ -64,8 +64,8 @@ def types_of_idl(text: str, limits: LimitsConfig) -> Types:
     for part in text.split(_IDL_RULE):
         head, _, rest = part.partition("\n")
         idl = rest if head.startswith("IDL: ") else part
-        idl = _DIRECTIVE.sub("", idl)  # all that is included follows as a part of its own
-        # Comments, texts and annotations decide nothing, and cost most of the parsing.
+        idl = _DIRECTIVE.sub("", idl)  # included files follow as their own parts
+        # Comments, texts and annotations define no types, but cost most of the parsing time.
         idl = _IDL_TEXT.sub(lambda match: '""' if match[0][0] == '"' else " ", idl)
         idl = _IDL_ANNOTATION.sub(" ", idl)
         if found := _IDL_EXPRESSION.search(idl):
@@ -76,9 +76,9 @@ def types_of_idl(text: str, limits: LimitsConfig) -> Types:
 
 
 def check_types(types: Types, name: str, limits: LimitsConfig, *, ros1: bool) -> set[str]:
-    """Check how much code a type asks for, and return the types within it that lists hold.
+    """Check how much code a type needs, and return the types in it that are elements of lists.
 
-    Raises `SchemaError` where the type asks for too much.
+    Raises `SchemaError` if the type needs too much code.
     """
     counts = _Counts(types, limits, ros1=ros1)
     counts.of(name, 0)
@@ -93,7 +93,7 @@ def _check_size(text: str, parts: int, limits: LimitsConfig) -> None:
 
 
 class _Counts:
-    """Counts the fields that a type spells out, all types within it included."""
+    """Counts the fields of a type, including those of all types within it."""
 
     def __init__(self, types: Types, limits: LimitsConfig, *, ros1: bool) -> None:
         self._types, self._limits, self._ros1 = types, limits, ros1
@@ -101,7 +101,7 @@ class _Counts:
         self.listed: set[str] = set()
 
     def of(self, name: str, depth: int) -> tuple[int, int]:
-        """Return a type's parts, and the fewest bytes that one takes in a message."""
+        """Return the number of a type's parts, and its smallest size in a message, bytes."""
         if name in self._known:
             return self._known[name]
         if depth > self._limits.schema_depth:

@@ -14,8 +14,8 @@ from tablemap.recording.raw import Channel, RawMessage, Source
 class Several:
     """Sources of one drive: a `tablemap.recording.raw.Source`.
 
-    Channels that are equal but for their number are one. Files that follow each other in time are
-    opened one after the other, so that memory holds what overlaps alone.
+    Channels that differ only in their number are one channel. Files that follow each other in time
+    are opened one after the other, so that memory holds only files that overlap.
     """
 
     def __init__(self, sources: Sequence[Source]) -> None:
@@ -29,7 +29,7 @@ class Several:
         self.end_ns = max(source.end_ns for source in filled)
 
     def _take(self, source: Source) -> dict[int, int]:
-        """Add a source's channels; return our number of each of its own."""
+        """Add a source's channels; return our number for each of its numbers."""
         ours = {_key(channel): id for id, channel in self.channels.items()}
         seen: Counter[tuple[object, ...]] = Counter()
         numbers = {}
@@ -37,7 +37,7 @@ class Several:
             key = _key(channel)
             nth = seen[key]
             seen[key] += 1
-            # A second equal channel of the same file is a second publisher's.
+            # A second equal channel in the same file belongs to a second publisher.
             number = ours.get(key) if nth == 0 else None
             if number is None:
                 number = len(self.channels) + 1
@@ -66,7 +66,7 @@ class Several:
         yield from _merged(sorted(streams, key=lambda each: each[:2]))
 
     def sample(self, channels: Collection[int], *, most: int) -> tuple[Iterator[RawMessage], bool]:
-        """Return messages from at most so many places, and whether these are all."""
+        """Return messages from at most ``most`` places, and whether these are all."""
         each = max(most // len(self._sources), 1)
         samples, are_all = [], True
         for source, numbers in zip(self._sources, self._numbers, strict=True):
@@ -95,7 +95,7 @@ def _renumbered(messages: Iterator[RawMessage], numbers: dict[int, int]) -> Iter
 def _merged(
     streams: Sequence[tuple[int, int, Iterator[RawMessage]]],
 ) -> Iterator[RawMessage]:
-    """Merge (first log time, place, messages) in time; a stream is begun when its time comes."""
+    """Merge streams (first log time, place, messages) in time; each is opened at its first time."""
     waiting = list(streams)
     heap: list[tuple[int, int, RawMessage, Iterator[RawMessage]]] = []
     while waiting or heap:

@@ -1,4 +1,4 @@
-"""Sensors that send messages and say nothing in them, or something that cannot be."""
+"""Sensors whose messages are empty or impossible."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def is_silent(scans: Iterable[LaserScan]) -> bool:
 
 
 def sweep_that_can_be(scan: LaserScan) -> LaserScan:
-    """Return the scan itself, or one of a moment where its beams would take too long to be true."""
+    """Return the scan; if its sweep takes impossibly long, all its beams get one time."""
     seconds = abs(scan.time_increment) * len(scan.ranges)
     if math.isfinite(seconds) and seconds <= _LONGEST_SWEEP_S:
         return scan

@@ -1,4 +1,4 @@
-"""From what the user names to its messages, or a sentence that says why not."""
+"""Opening of the user's input as a source of messages, or an error in one sentence."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ _OTHER_FORMATS = {
 def open_source(
     given: AnyInput, *, warnings: list[ProcessWarning], limits: LimitsConfig | None = None
 ) -> Source:
-    """Open what holds a recording's messages; what is lost of it is appended to ``warnings``.
+    """Open the source of a recording's messages; losses are appended to ``warnings``.
 
-    Raises `RecordingError` where it is nothing that can be read.
+    Raises `RecordingError` if it cannot be read.
     """
     limits = limits or LimitsConfig()
     with ExitStack() as opened:
@@ -55,7 +55,7 @@ def _open_place(path: Path, warnings: list[ProcessWarning], limits: LimitsConfig
     if start.startswith(_DATABASE):
         return Bag(path, ros1=False, warnings=warnings)
     if start.startswith(ZSTD_MAGIC):
-        # What is open stays readable when its folder is gone.
+        # An open file stays readable after its folder is removed.
         with TemporaryDirectory(prefix="tablemap-") as folder:
             return _open_place(unpack_file(path, Path(folder), limits), warnings, limits)
     expected = "Expected a recording (an MCAP or a bag) and found"
@@ -69,7 +69,7 @@ def _open_place(path: Path, warnings: list[ProcessWarning], limits: LimitsConfig
 
 
 def _open_folder(folder: Path, warnings: list[ProcessWarning], limits: LimitsConfig) -> Source:
-    """Open the files of a bag's folder as one; one that cannot be read is left out, and said."""
+    """Open the files of a bag's folder as one; leave out unreadable files, with a warning."""
     sources: list[Source] = []
     errors: list[RecordingError] = []
     with ExitStack() as opened:

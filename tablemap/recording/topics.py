@@ -1,10 +1,10 @@
-"""Which channel is depth, calibration, colour, laser, pose: by schema, then by name and camera.
+"""The roles of channels (depth, calibration, colour, laser, pose), by schema, name and camera.
 
-A camera is told by a topic's name without the words for what it shows:
-``/head_rgbd_sensor/depth_registered/image`` and ``/head_rgbd_sensor/rgb/image_raw`` are of
+A camera's name is a topic's name without the words for its contents:
+``/head_rgbd_sensor/depth_registered/image`` and ``/head_rgbd_sensor/rgb/image_raw`` belong to
 ``head_rgbd_sensor``. Depth is 16UC1, mono16 or 32FC1 and not called infrared, confidence or the
-like. Where several fit, the rules are those of `_depth_rank`, `_calibration_rank`, `_colour_rank`
-and `_laser_rank`, and a choice between different sensors is said.
+like. If several topics fit, the rules are those of `_depth_rank`, `_calibration_rank`,
+`_colour_rank` and `_laser_rank`; a choice between different sensors gives a warning.
 """
 
 from __future__ import annotations
@@ -58,10 +58,10 @@ _COLOURS = ("rgb", "bgr", "mono8", "8uc3", "8uc4", "bayer", "yuv", "uyvy", "yuyv
 
 @dataclass(frozen=True, eq=False)
 class Topic:
-    """A topic that processing knows, and its first message (None: it has none that decodes).
+    """A topic that processing knows, and its first message (None: none can be decoded).
 
-    Each publisher, and each version of a schema, has a channel of its own in a recording: all that
-    carry the same kind of message on one topic are read as one.
+    Each publisher, and each version of a schema, has its own channel in a recording. All channels
+    with the same kind of message on one topic are read as one.
     """
 
     name: str
@@ -83,7 +83,7 @@ class Topic:
 
     @property
     def recorded_frames(self) -> tuple[str, ...]:
-        """The frames that its messages' headers may name: of a body's points, the body."""
+        """The frames that the headers may name; for points in a body's axes, the body's frame."""
         body = self.first.body_frame if isinstance(self.first, CloudImage) else None
         return (self.frame_id,) if body is None else (self.frame_id, body)
 
@@ -94,24 +94,24 @@ class Topic:
 
     @property
     def camera(self) -> str:
-        """What is left of the topic's name without the words for what it shows."""
+        """The topic's name without the words for its contents."""
         parts = [part for part in self.name.split("/") if part not in ("camera_info", "")]
         left = ("_".join(w for w in p.split("_") if w.lower() not in _SHOWN) for p in parts)
         return "/".join(part for part in left if part)
 
     @property
     def namespace(self) -> str:
-        """What stands before the last part of the topic's name: empty for ``/tf``."""
+        """The topic's name without its last part: empty for ``/tf``."""
         return self.name.rpartition("/")[0]
 
     @property
     def prefix(self) -> str:
-        """What stands before the frame's own name: ``robot1`` of ``robot1/base_link``."""
+        """The prefix of the frame's name: ``robot1`` in ``robot1/base_link``."""
         return self.frame_id.rpartition("/")[0]
 
     @property
     def folder(self) -> str:
-        """What the topic's siblings begin with, its transport taken off."""
+        """The common begin of the topic's siblings, without its transport."""
         parts = self.name.split("/")
         if parts[-1] in _TRANSPORTS:
             parts = parts[:-1]
@@ -120,10 +120,10 @@ class Topic:
 
 @dataclass(frozen=True, eq=False)
 class Roles:
-    """The topics by role; None where the recording has none for it.
+    """The topics by role; None for a role without a topic.
 
-    ``lasers`` are all that could be it, best first; ``laser`` is the one that is used. ``poses``
-    tell where something is, beside TF.
+    ``lasers`` are all candidates, best first; ``laser`` is the one in use. ``poses`` are topics of
+    poses beside TF.
     """
 
     depth: Topic | None
@@ -179,7 +179,7 @@ def _first_message(
             problem = str(error)
         else:
             first = first or message
-            # Drivers publish zeros until they know better.
+            # Drivers publish zeros until they know the calibration.
             if not isinstance(message, CameraInfo) or flaw(message, rectified=False) is None:
                 return message, None
         if tried >= (10 if first is None else _FLAWED):
@@ -192,7 +192,7 @@ def _first_message(
 def decoders_of(
     channels: Sequence[Channel], limits: LimitsConfig
 ) -> tuple[dict[int, Decoder], str | None]:
-    """Return a decoder by channel, and what is wrong with one that cannot be read, if any."""
+    """Return the decoders by channel, and the problem of a channel that cannot be read, if any."""
     decoders: dict[int, Decoder] = {}
     problem = None
     for channel in channels:
@@ -206,9 +206,9 @@ def decoders_of(
 def find_roles(
     topics: Sequence[Topic], config: TopicsConfig, *, all_names: Sequence[str] = ()
 ) -> tuple[Roles, list[ProcessWarning]]:
-    """Choose a topic for each role, and say where several sensors fitted.
+    """Choose a topic for each role, and warn if several sensors fit.
 
-    Raises `RecordingError` where a topic that was asked for does not exist or cannot play its role.
+    Raises `RecordingError` if a requested topic does not exist or does not fit its role.
     """
     warnings: list[ProcessWarning] = []
     names = sorted({*all_names, *(topic.name for topic in topics)})
@@ -262,9 +262,9 @@ def find_roles(
 def with_laser(
     roles: Roles, frame: str | None, strangers: Collection[Topic]
 ) -> tuple[Roles, list[ProcessWarning]]:
-    """Return the roles with the laser in a frame of the base (None: there is none), and say so.
+    """Return the roles with a laser of the base, or None without one, and warnings.
 
-    Several topics in one frame are one laser; ``strangers`` are another robot's.
+    Several topics in one frame are one laser; ``strangers`` belong to another robot.
     """
     own = [topic for topic in roles.lasers if topic not in strangers]
     laser = next((topic for topic in own if topic.frame_id == frame), None)
@@ -305,10 +305,11 @@ def shows_colour(topic: Topic) -> bool:
 
 
 def _depth_rank(topic: Topic, calibrations: Sequence[Topic], most: int) -> tuple[object, ...]:
-    """Rank depth topics, best first.
+    """Return the rank of a depth topic, best first.
 
-    With a calibration of its own; an image, not a cloud; called depth; registered to colour; a
-    head's, not a hand's; complete; rectified; as the camera gave it; not encoded; then by name.
+    The criteria in order: it has its own calibration; it is an image, not a cloud; it is called
+    depth; it is registered to colour; it belongs to a head, not to a hand; it is complete; it is
+    rectified; it is lossless; it is not encoded; then its name.
     """
     name = topic.name.lower()
     best = min((_calibration_rank(c, topic)[0] for c in calibrations), default=_UNRELATED)
@@ -334,10 +335,10 @@ _SIBLING, _SAME_FRAME, _SAME_CAMERA, _UNRELATED = range(4)
 
 
 def _calibration_rank(topic: Topic, depth: Topic) -> tuple[int, bool, int, str]:
-    """Rank calibrations for a depth topic, best first.
+    """Return the rank of a calibration for a depth topic, best first.
 
-    Its sibling; one in the same frame; one of the same camera; then of the same size, and of the
-    most alike name.
+    The criteria in order: it is the topic's sibling; it has the same frame; it belongs to the same
+    camera; it has the same size; its name is most similar.
     """
     if topic.folder == depth.folder:
         relation = _SIBLING
@@ -351,7 +352,7 @@ def _calibration_rank(topic: Topic, depth: Topic) -> tuple[int, bool, int, str]:
 
 
 def _colour_rank(topic: Topic, depth: Topic) -> tuple[object, ...]:
-    """Rank colour topics: in the depth's frame, of its camera, encoded, rectified, by name."""
+    """Return the rank of a colour topic: depth's frame, same camera, encoded, rectified, name."""
     return (
         topic.frame_id != depth.frame_id,
         topic.camera != depth.camera,
@@ -362,7 +363,7 @@ def _colour_rank(topic: Topic, depth: Topic) -> tuple[object, ...]:
 
 
 def _of_robot(images: Sequence[Topic], topics: Sequence[Topic], robot: str) -> list[Topic]:
-    """Return the images of a robot, by their names or their frames' prefix, else those of none."""
+    """Return the images of a robot, by names or prefixes of frames; without one, of no robot."""
     name = robot.strip("/")
     own = [t for t in images if t.prefix == name or f"{t.name.strip('/')}/".startswith(f"{name}/")]
     names = _robot_namespaces(topics)
@@ -381,13 +382,13 @@ def _robot_namespaces(topics: Sequence[Topic]) -> set[str]:
 
 
 def _namespace_of(topic: Topic, namespaces: Collection[str]) -> str:
-    """Return the innermost of some namespaces that a topic lies in, or nothing."""
+    """Return the innermost of some namespaces that contains a topic, or an empty text."""
     around = [name for name in namespaces if topic.name.startswith(f"{name}/")]
     return max(around, key=len, default="")
 
 
 def _lasers(topics: Sequence[Topic], depth: Topic | None) -> tuple[Topic, ...]:
-    """Return the laser topics, best first; those of the camera's own robot before any other."""
+    """Return the laser topics, best first; those of the camera's own robot come first."""
     names = _robot_namespaces(topics)
 
     def robot(topic: Topic) -> tuple[str, str]:
@@ -401,7 +402,7 @@ def _lasers(topics: Sequence[Topic], depth: Topic | None) -> tuple[Topic, ...]:
 
 
 def _laser_rank(topic: Topic) -> tuple[object, ...]:
-    """Rank lasers: not made of depth, a base's, unfiltered, wide, with many scans, by name."""
+    """Return a laser's rank: not made from depth, on the base, unfiltered, wide, many scans."""
     scan = topic.first
     assert isinstance(scan, LaserScan)
     return (

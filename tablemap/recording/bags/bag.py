@@ -14,9 +14,9 @@ from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.geometry import Ints
 from tablemap.recording.raw import Channel, RawMessage
 
-_GAP_NS = 1_000_000_000  # wanted messages that lie nearer are read in one go
-_ALL = 20_000  # messages that are read, not sampled
-_SAMPLE_NS = 200_000_000  # how much is read at each place of a sample
+_GAP_NS = 1_000_000_000  # wanted messages with smaller gaps are read in one go
+_ALL = 20_000  # up to this number all messages are read, without sampling
+_SAMPLE_NS = 200_000_000  # time that is read at each place of a sample
 _SCHEMA_ENCODINGS = {
     MessageDefinitionFormat.MSG: "ros2msg",
     MessageDefinitionFormat.IDL: "ros2idl",
@@ -27,8 +27,7 @@ _SCHEMA_ENCODINGS = {
 class Bag:
     """An opened bag of ROS 1, or a database of ROS 2: a `tablemap.recording.raw.Source`.
 
-    What cannot be read is appended to ``warnings``. Raises `RecordingError` where the bag has no
-    index that serves.
+    Losses are appended to ``warnings``. Raises `RecordingError` if the bag has no usable index.
     """
 
     def __init__(self, path: Path, *, ros1: bool, warnings: list[ProcessWarning]) -> None:
@@ -72,7 +71,7 @@ class Bag:
                         yield message
 
     def sample(self, channels: Collection[int], *, most: int) -> tuple[Iterator[RawMessage], bool]:
-        """Return the messages of at most so many moments, and whether these are all."""
+        """Return the messages of at most ``most`` moments, and whether these are all."""
         if sum(self.counts[id] for id in channels) <= _ALL:
             return self.messages(channels), True
         starts = np.linspace(self.start_ns, self.end_ns - _SAMPLE_NS, most).astype(np.int64)
@@ -90,7 +89,7 @@ class Bag:
     def _between(
         self, channels: Collection[int], first_ns: int, last_ns: int
     ) -> Iterator[RawMessage]:
-        """Yield the messages of a closed interval; what is damaged costs its chunk."""
+        """Yield the messages of a closed interval; a damaged chunk is left out."""
         wanted = [each for each in self._reader.connections if each.id in channels]
         at: int | None = first_ns
         while wanted and at is not None and at <= last_ns:

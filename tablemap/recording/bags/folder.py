@@ -11,10 +11,10 @@ from tablemap.inputs import METADATA, is_recording
 
 
 def files_of(folder: Path, *, warnings: list[ProcessWarning]) -> list[Path]:
-    """Return the files of a bag's folder; files that it lacks are said in ``warnings``.
+    """Return the files of a bag's folder; ``warnings`` name the files that it lacks.
 
-    Without a ``metadata.yaml`` that can be read a folder must hold one recording alone. Raises
-    `RecordingError` where it is not clear what belongs together, or nothing is there.
+    Without a readable ``metadata.yaml`` the folder must contain exactly one recording. Raises
+    `RecordingError` if it is unclear which files belong together, or there is no file.
     """
     inside = sorted(each for each in folder.iterdir() if is_recording(each))
     listed = _listed(folder, warnings)
@@ -40,7 +40,7 @@ def files_of(folder: Path, *, warnings: list[ProcessWarning]) -> list[Path]:
                 f"hold was not read: {', '.join(missing)}.",
             )
         )
-    # A recorder that was killed leaves files that it did not list any more.
+    # A killed recorder leaves files that it has not listed.
     stem = files[0].name.rpartition("_")[0] if files else ""
     files += [each for each in inside if each not in files and _continues(each, stem)]
     found = [file for file in files if file.is_file()]
@@ -50,7 +50,7 @@ def files_of(folder: Path, *, warnings: list[ProcessWarning]) -> list[Path]:
 
 
 def _continues(file: Path, stem: str) -> bool:
-    """Tell whether a file is one more part of a bag whose parts are called ``STEM_0`` and on."""
+    """Tell whether a file is another part of a bag with parts ``STEM_0``, ``STEM_1`` and so on."""
     before, _, number = file.name.partition(".")[0].rpartition("_")
     return bool(stem) and before == stem and number.isdigit()
 

@@ -39,14 +39,14 @@ class Chunk:
 
 @dataclass(frozen=True)
 class Unpacked:
-    """A chunk's records, and what is wrong with them: None where they are as declared."""
+    """A chunk's records, and their damage, None if they are as declared."""
 
     data: memoryview
     damage: DamageError | None
 
 
 def parse_chunk(content: memoryview, *, whole: bool = True) -> Chunk:
-    """Take a chunk record's content apart, of which the end may be missing if it is not `whole`."""
+    """Parse a chunk record's content; its end may be missing if it is not `whole`."""
     try:
         start_ns, end_ns, declared, crc, name_bytes = _CHUNK_HEADER.unpack_from(content)
         at = _CHUNK_HEADER.size
@@ -67,10 +67,10 @@ def parse_chunk(content: memoryview, *, whole: bool = True) -> Chunk:
 
 
 def unpack(chunk: Chunk, limits: LimitsConfig, *, whole: bool = True) -> Unpacked:
-    """Return a chunk's records as far as they can be unpacked, and what is wrong with them.
+    """Return a chunk's records, as far as they can be unpacked, and their damage.
 
-    Where the chunk is not `whole`, nothing is expected of size and checksum. Raises `DamageError`
-    where the declared size is over its bound, or nothing can be unpacked.
+    If the chunk is not `whole`, size and checksum are not checked. Raises `DamageError` if the
+    declared size is over its limit, or nothing can be unpacked.
     """
     if chunk.declared_bytes > limits.chunk_mib * MIB:
         raise DamageError(

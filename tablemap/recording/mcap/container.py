@@ -1,8 +1,8 @@
-"""An MCAP on any seekable binary file: which channels it has, and their messages in time order.
+"""An MCAP on any seekable binary file: its channels, and their messages in time order.
 
-Where the file has a summary, only the chunks that hold wanted channels and times are read. A file
-without one, cut short or damaged is read front to back once, which rebuilds the index; what could
-not be read becomes a warning. Memory holds one chunk, or as many as overlap in time.
+If the file has a summary, only chunks with wanted channels and times are read. A file without a
+summary, or one that is cut short or damaged, is read once from front to back to rebuild the index;
+unreadable parts give warnings. Memory holds one chunk, or several if they overlap in time.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from tablemap.recording.mcap.salvage import Sieve, records_of
 from tablemap.recording.raw import Channel, RawMessage
 
 MAX_HELD_BYTES = 256 * MIB
-"""Messages of overlapping chunks held for sorting; beyond it they come out in the file's order."""
+"""Bytes of overlapping chunks held for sorting; beyond it messages come in the file's order."""
 
 
 @dataclass(eq=False)
@@ -58,8 +58,8 @@ class Container:
 
     Losses are appended to ``warnings`` as they are met.
 
-    ``counts`` (messages a channel) and the log times ``start_ns`` and ``end_ns`` are the summary's,
-    or counted where the file was read front to back. Raises `RecordingError` for what is no MCAP.
+    ``counts`` (messages a channel) and the log times ``start_ns`` and ``end_ns`` come from the
+    summary, or from reading the whole file. Raises `RecordingError` for a file that is no MCAP.
     """
 
     def __init__(
@@ -132,7 +132,7 @@ class Container:
             yield _pop(heap)[0]
 
     def sample(self, channels: Collection[int], *, most: int) -> tuple[Iterator[RawMessage], bool]:
-        """Return the messages of at most so many spans, and whether these are all."""
+        """Return the messages of at most ``most`` spans, and whether these are all."""
         spans = self.spans_of(channels)
         step = max(len(spans) / most, 1.0)
         places = np.arange(0, len(spans), step).astype(int).tolist()
@@ -230,7 +230,7 @@ def _with_schema(channel: mcap_records.Channel, schema: mcap_records.Schema | No
 
 
 def _pop(heap: list[tuple[int, int, int, _Cursor]]) -> tuple[RawMessage, int]:
-    """Take the earliest message; return it, and how many bytes it let go of."""
+    """Take the earliest message; return it, and the number of bytes that this freed."""
     _, offset, _, cursor = heap[0]
     message = cursor.messages[cursor.order[cursor.place]]
     cursor.place += 1

@@ -1,4 +1,4 @@
-"""Where an MCAP's messages lie: from its summary, or else from reading it front to back."""
+"""The index of an MCAP's messages, from its summary or from reading it front to back."""
 
 from __future__ import annotations
 
@@ -40,15 +40,15 @@ PARSE_ERRORS = (McapError, struct.error, ValueError, DamageError)
 _FOOTER_BYTES = RECORD_HEADER.size + 20 + len(MAGIC)
 _PIECE_BYTES = 4 * MIB
 _RUN_BYTES = 4 * MIB  # bare messages are indexed in runs of about a chunk's size
-_MOST_SUMMARY_BYTES = 64 * MIB  # of a longer one the file itself is read
+_MOST_SUMMARY_BYTES = 64 * MIB  # with a longer summary the file itself is read
 
 
 @dataclass(frozen=True)
 class Span:
-    """Bytes of the file that hold messages: a chunk record, or a run of bare messages.
+    """Bytes of the file with messages: a chunk record, or a run of bare messages.
 
-    Times are log times; ``channels`` is None where any channel may be in it; ``unpacked`` is about
-    how many bytes its records take in memory. Where it is not ``whole``, the file ends within it.
+    Times are log times. ``channels`` is None if it may contain any channel. ``unpacked`` is about
+    the number of bytes of its records in memory. If it is not ``whole``, the file ends within it.
     """
 
     offset: int
@@ -62,7 +62,7 @@ class Span:
 
 
 class Totals:
-    """Counts what a recording comes to, and stops it where that is more than its limits."""
+    """Counts the sizes of a recording, and raises an error above the limits."""
 
     def __init__(self, limits: LimitsConfig, file_bytes: int) -> None:
         self.limits = limits
@@ -72,13 +72,13 @@ class Totals:
         self._sum = 0
 
     def unpacked(self, offset: int, size: int) -> None:
-        """Count a chunk's bytes, once however often it is read; raises `RecordingError`."""
+        """Count a chunk's bytes, only once for each chunk; raises `RecordingError`."""
         self._sum += size - self._unpacked.get(offset, 0)
         self._unpacked[offset] = size
         self.check_unpacked(self._sum)
 
     def check_unpacked(self, size: int) -> None:
-        """Raise `RecordingError` where so many bytes are more than the file may unpack to."""
+        """Raise `RecordingError` if these are more bytes than the file may unpack to."""
         if size > self._allowed:
             raise RecordingError(
                 f"The recording would unpack to {size / MIB:.0f} MiB or more from a file of "
@@ -87,7 +87,7 @@ class Totals:
             )
 
     def check_count(self, name: str, count: int, what: str) -> None:
-        """Raise `RecordingError` where there are more than a limit allows."""
+        """Raise `RecordingError` if there are more than a limit allows."""
         if count > getattr(self.limits, name):
             raise RecordingError(
                 f"The recording has {count} {what} or more, {self.limits.over(name)}; raise the "
@@ -110,9 +110,9 @@ class Index:
     _kept_bytes: int = 0
 
     def take_definition(self, opcode: int, content: memoryview, *, doubtful: bool = False) -> None:
-        """Keep a schema or channel record, the first of its ID; others are ignored.
+        """Keep a schema or channel record, the first of its ID; ignore others.
 
-        One that is ``doubtful``, for its chunk is damaged, gives way to one that is not.
+        A ``doubtful`` record, from a damaged chunk, is replaced by one that is not.
         """
         if opcode == Opcode.SCHEMA:
             schema = mcap_records.Schema.read(stream_of(content))
@@ -144,14 +144,14 @@ class Index:
 
 
 class Losses:
-    """Collects what could not be read: each damaged place once."""
+    """Collects the losses: each damaged place once."""
 
     def __init__(self, warnings: list[ProcessWarning]) -> None:
         self.warnings = warnings
         self._offsets: set[int] = set()
 
     def damaged(self, offset: int, error: DamageError, *, partly: bool = False) -> None:
-        """Say that what begins at ``offset`` was left out, all or what of it makes no sense."""
+        """Warn that the part at ``offset`` was left out, all of it or only invalid records."""
         if offset not in self._offsets:
             self._offsets.add(offset)
             left = "what of it makes no sense was left out" if partly else "it was left out"
@@ -171,7 +171,7 @@ def no_time(count: int) -> DamageError:
 
 
 def read_summary(file: BinaryIO, losses: Losses, totals: Totals) -> Index | None:
-    """Return the index that the summary gives; None where there is none that serves."""
+    """Return the index from the summary; None if the summary is not usable."""
     size = file.seek(0, 2)
     file.seek(max(size - _FOOTER_BYTES, 0))
     footer = file.read(_FOOTER_BYTES)
@@ -204,7 +204,7 @@ def read_summary(file: BinaryIO, losses: Losses, totals: Totals) -> Index | None
 
 
 def _parse_summary(data: memoryview, data_end: int, totals: Totals) -> Index | None:
-    """Return what a summary says of the chunks, which end before a byte of the file."""
+    """Return the index of a summary; its chunks must end before a byte of the file."""
     index = Index(totals)
     statistics: mcap_records.Statistics | None = None
     mentioned: set[int] = set()
@@ -252,15 +252,15 @@ def _check_apart(spans: Iterable[Span], data_end: int) -> None:
 
 
 def read_through(file: BinaryIO, losses: Losses, totals: Totals) -> Index:
-    """Read the whole file once, front to back, and index what can be read of it.
+    """Read the whole file once, front to back, and index all readable records.
 
-    From a record of which the length is broken it goes on where the next one begins.
+    After a record with a broken length, the next record is searched.
     """
     size = file.seek(0, 2)
     scan = _Scan(losses, totals)
     most = totals.limits.record_mib * MIB
     crc: int | None = zlib.crc32(MAGIC)  # None once it cannot be right any more
-    # A record counts once another follows it: else its length may be what is wrong.
+    # A record counts only if another follows it: otherwise its length may be wrong.
     pending: tuple[int, int, bytes] | None = None
 
     def read(at: int, count: int) -> bytes:
@@ -327,10 +327,10 @@ def _where_it_goes_on(
     pending: tuple[int, int, bytes] | None,
     sieve: Sieve,
 ) -> int | None:
-    """Return where the next record begins after a place that begins none, or one too long.
+    """Return the place of the next record after a place without a valid one.
 
-    That may lie within the record before, whose length is then what is wrong. None where nothing
-    more can be found: the file was cut.
+    The place may lie within the record before, if that one's length is wrong. Returns None if there
+    is no further record: the file was cut.
     """
     content = at + RECORD_HEADER.size
     if opcode == Opcode.CHUNK and (packed := chunk_length(read, content)) is not None:
@@ -365,7 +365,7 @@ class _Scan:
         self._messages = 0
 
     def sieve(self) -> Sieve:
-        """Return what records of this file must say."""
+        """Return the sieve for records of this file."""
         sieve = Sieve(self.index.channels)
         return sieve if self._logged is None else sieve.around(*self._logged)
 
@@ -377,7 +377,7 @@ class _Scan:
             self._take_bare(at, opcode, memoryview(content))
 
     def take_chunk(self, at: int, content: bytes, *, whole: bool) -> None:
-        """Index the chunk record at a byte, of which the end may be missing."""
+        """Index the chunk record at a byte; its end may be missing."""
         self._end_run()
         limits = self.totals.limits
         found = Messages(memoryview(b""))
@@ -468,7 +468,7 @@ class _Scan:
         )
 
     def say_end(self, file: BinaryIO, size: int) -> None:
-        """Warn where all data is there and only the file's end is missing."""
+        """Warn if all data is there and only the file's end is missing."""
         file.seek(max(size - len(MAGIC), 0))
         if file.read(len(MAGIC)) != MAGIC:
             self.losses.say(
@@ -477,7 +477,7 @@ class _Scan:
             )
 
     def finished(self) -> Index:
-        """Return the index of all that was taken."""
+        """Return the index of all records so far."""
         self._end_run()
         self.index.start_ns, self.index.end_ns = self._logged or (0, 0)
         return self.index

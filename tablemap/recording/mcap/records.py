@@ -1,4 +1,4 @@
-"""Records as they follow each other in an MCAP, and the messages among them, not copied."""
+"""The sequence of records in an MCAP, and the messages among them, without copies."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Record = tuple[int, int, int]
 
 
 class DamageError(Exception):
-    """Bytes that are not what the container says they are; the text completes "it ..."."""
+    """Bytes that contradict the container's own statements; the text completes "it ..."."""
 
 
 def split(data: memoryview) -> Iterator[Record]:
@@ -58,10 +58,10 @@ def message_header(data: memoryview, begin: int, end: int) -> tuple[int, int] | 
 
 @dataclass(eq=False)
 class Messages:
-    """Messages that lie in one piece of data; each becomes an object when it is asked for.
+    """Messages in one piece of data; each becomes an object only when it is needed.
 
-    ``damaged`` tells that the data failed a check, so that any of them may be wrong; ``unsound``
-    counts those that were left out, for they have no header or no time.
+    ``damaged`` says that the data failed a check, so that each message may be wrong. ``unsound``
+    counts messages that were left out because they have no header or no valid time.
     """
 
     data: memoryview
@@ -114,7 +114,7 @@ class Messages:
         return order
 
     def compact(self) -> None:
-        """Copy the messages if they are a small part of the data, which is then let go of."""
+        """Copy the messages if they are a small part of the data, so that the data is freed."""
         sizes = [end - begin for begin, end in zip(self._begins, self._ends, strict=True)]
         if 4 * sum(sizes) >= len(self.data):
             return

@@ -1,9 +1,8 @@
-"""What of damaged bytes still makes sense: records that parse and that fit their neighbours.
+"""Search for valid records in damaged bytes: records that parse and fit their neighbours.
 
-Damage moves the place where the next record begins, or garbles what a record says of itself. A
-record counts where its header can be one, its channel is known and its time lies in the expected
-range, and where another such record follows it. From a place where none begins, the next one is
-searched.
+Damage moves the begin of the next record, or changes a record's own header. A record is valid if
+its header is possible, its channel is known, its time is in the expected range, and another valid
+record follows. After a place without a valid record, the next one is searched.
 """
 
 from __future__ import annotations
@@ -28,32 +27,32 @@ from tablemap.recording.mcap.records import (
 from tablemap.recording.raw import LATEST_NS
 
 Read = Callable[[int, int], bytes | memoryview]
-"""Returns so many bytes from a place on, fewer at the end."""
+"""Returns a number of bytes from a place on, fewer at the end."""
 
 _IN_CHUNK = re.compile(rb"[\x03-\x05].{4}\x00{4}", re.DOTALL)
 _IN_FILE = re.compile(rb"[\x01-\x0f].{4}\x00{4}", re.DOTALL)
 _MOST_TRIES = 100_000  # places that look like a header, in one search
 _WINDOW_BYTES = 4 * MIB
-_FARTHEST_BYTES = 32 * MIB  # that the next record of a chunk is searched for
-_CHAIN = 3  # records in a row that prove where records begin, in a file
+_FARTHEST_BYTES = 32 * MIB  # largest distance to the next record in a search
+_CHAIN = 3  # this many records in a row prove a place where records begin
 _NAMES = {0: b"", 3: b"lz4", 4: b"zstd"}
 _DAY_NS = 86_400 * 10**9
 
 
 @dataclass(frozen=True)
 class Sieve:
-    """What a record must say to be one: a known channel, and a log time in [start, end]."""
+    """The test of a record: a known channel, and a log time in [start, end]."""
 
     channels: Collection[int]
     start_ns: int = 0
     end_ns: int = LATEST_NS
 
     def around(self, start_ns: int, end_ns: int) -> Sieve:
-        """Return the sieve that takes what was logged within a day of these times."""
+        """Return the sieve for log times within a day of these times."""
         return Sieve(self.channels, start_ns - _DAY_NS, end_ns + _DAY_NS)
 
     def end_of(self, read: Read, at: int, size: int) -> int | None:
-        """Return where the record that begins at a place ends; None where none begins there."""
+        """Return the end of the record that begins at a place; None if none begins there."""
         head = read(at, RECORD_HEADER.size + MESSAGE_HEADER.size)
         if len(head) < RECORD_HEADER.size:
             return None
@@ -71,7 +70,7 @@ class Sieve:
         return channel in self.channels and self.start_ns <= time_ns <= self.end_ns
 
     def begins_chain(self, read: Read, at: int, size: int, *, length: int) -> bool:
-        """Tell whether so many records follow each other from a place on, or up to the end."""
+        """Tell whether ``_CHAIN`` records follow each other from a place on, or reach the end."""
         for _ in range(length):
             end = self.end_of(read, at, size)
             if end is None:
@@ -85,9 +84,9 @@ class Sieve:
 def records_of(
     unpacked: Unpacked, sieve: Sieve, limits: LimitsConfig, *, say: Callable[[DamageError], None]
 ) -> Iterator[Record]:
-    """Yield a chunk's records: all of a sound one, of a damaged one those that make sense.
+    """Yield a chunk's records: all of an undamaged chunk, the valid ones of a damaged chunk.
 
-    ``say`` is told of the damage.
+    ``say`` is called with the damage.
     """
     count = at = 0
     damage = unpacked.damage
@@ -114,7 +113,7 @@ def records_of(
 
 
 def salvaged(data: memoryview, sieve: Sieve, *, start: int = 0) -> Iterator[Record]:
-    """Yield what can be records of damaged data, from a byte on."""
+    """Yield the possible records of damaged data, from a byte on."""
 
     def read(at: int, count: int) -> memoryview:
         return data[at : at + count]
@@ -129,7 +128,7 @@ def salvaged(data: memoryview, sieve: Sieve, *, start: int = 0) -> Iterator[Reco
             continue
         found = _next_in(data, at + 1 if end is None else content, sieve)
         if end is not None:
-            # Its own length is wrong where the next record lies within it.
+            # If the next record lies within this one, this one's length is wrong.
             yield data[at], content, end if found is None else min(end, found)
         if found is None:
             return
@@ -152,7 +151,7 @@ def _next_in(data: memoryview, start: int, sieve: Sieve) -> int | None:
 
 
 def next_in_file(read: Read, start: int, size: int, sieve: Sieve) -> int | None:
-    """Return where records go on in a file, from a byte on; None where no more are found."""
+    """Return the place of the next records in a file, from a byte on; None if there are none."""
     tries = 0
     overlap = RECORD_HEADER.size - 1
     while start < size:
@@ -170,7 +169,7 @@ def next_in_file(read: Read, start: int, size: int, sieve: Sieve) -> int | None:
     return None
 
 
-# Whether a record's content has the shape of its kind. All take where it begins, and its length.
+# Tests of a record's content by its kind. Each takes the begin and the length of the content.
 
 
 def _is_definition(read: Read, at: int, length: int, *, strings: int) -> bool:

@@ -1,1 +1,1 @@
-"""The tree of frames: which frame plays which part, and poses between them at a time."""
+"""The tree of frames: the frames' roles, and poses between frames at a time."""

@@ -1,4 +1,4 @@
-"""Gathers transforms as they are read, and makes a tree of them: by edge, publisher and robot."""
+"""Collection of transforms by edge, publisher and robot, from which the TF tree is made."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from tablemap.recording.tf.tracks import (
 )
 
 FARTHEST = 1e6
-"""Garbage may hold any number: a place a thousand kilometres off is none."""
+"""Damaged messages may have any number: a place a thousand kilometres away is not valid."""
 
 
 @dataclass
 class _Samples:
-    """What one publisher sent of an edge: stamps, seven numbers each, and which came last."""
+    """The samples of an edge from one publisher: stamps, seven numbers each, and the last one."""
 
     stamps: array[int] = field(default_factory=lambda: array("q"))
     poses: array[float] = field(default_factory=lambda: array("d"))
     latest: int = 0
 
     def add(self, stamp_ns: int, values: array[float], number: int) -> None:
-        """Take a sample; of a run of equal ones only the first and the last are kept."""
+        """Add a sample; of a run of equal samples only the first and the last are kept."""
         self.latest = number
         if self.poses[-14:] == values * 2 and self.stamps[-1] <= stamp_ns:
             self.stamps[-1] = stamp_ns
@@ -49,7 +49,7 @@ class _Samples:
 
 @dataclass(frozen=True)
 class _Sender:
-    """Who sent a transform: the namespace of its topic, its channel, and whether it is static."""
+    """The sender of a transform: its topic's namespace, its channel, and whether it is static."""
 
     namespace: str
     publisher: int
@@ -59,8 +59,8 @@ class _Sender:
 class TransformCollector:
     """Gathers transforms into a `TransformTree`.
 
-    ``rejected`` counts, by parent and child, those that are no poses, once the tree was made.
-    `add` raises `RecordingError` where there are more frames than the limits allow.
+    ``rejected`` counts invalid transforms by parent and child; it is set when the tree is made.
+    `add` raises `RecordingError` if there are more frames than the limits allow.
     """
 
     def __init__(self, limits: LimitsConfig | None = None) -> None:
@@ -71,7 +71,7 @@ class TransformCollector:
         self._taken = 0
 
     def add(self, transform: TransformStamped, *, publisher: int = 0, namespace: str = "") -> None:
-        """Take a transform, from the channel and the namespace that it was sent on."""
+        """Add a transform from its channel and namespace."""
         key = (transform.parent_frame, transform.child_frame)
         if key[0] == key[1] or not all(key):
             self._misnamed[key] = self._misnamed.get(key, 0) + 1
@@ -90,7 +90,7 @@ class TransformCollector:
         senders[sender].add(transform.stamp_ns, values, self._taken)
 
     def robots(self) -> tuple[str, ...]:
-        """Return the namespaces that each move the same edges in their own way, sorted."""
+        """Return, sorted, the namespaces that send the same edges with different motions."""
         found: set[str] = set()
         for senders in self._edges.values():
             tracks: dict[str, list[Track]] = {}
@@ -110,7 +110,7 @@ class TransformCollector:
         return tuple(sorted(found))
 
     def tree(self, *, without: Collection[str] = ()) -> TransformTree:
-        """Return the tree of all that was taken, but for what some namespaces sent."""
+        """Return the tree of all transforms except those of some namespaces."""
         self.rejected = dict(self._misnamed)
         edges = []
         for key, senders in self._edges.items():
@@ -155,7 +155,7 @@ class TransformCollector:
 
 
 def _sound(samples: _Samples) -> tuple[Track, int]:
-    """Return the samples that are poses, as they came, and how many are none."""
+    """Return the valid samples in their order, and the number of others."""
     stamps = np.array(samples.stamps, dtype=np.int64)
     poses = np.array(samples.poses).reshape(-1, 7)
     poses = np.where(np.abs(poses) < FARTHEST, poses, np.nan)
@@ -172,7 +172,7 @@ def _by_stamp(track: Track) -> Track:
 
 
 def _static_edge(key: tuple[str, str], tracks: list[Track]) -> TransformEdge:
-    """Return an edge that never moves: of several values the last counts, as in tf2."""
+    """Return an edge that never moves; of several values the last one counts, as in tf2."""
     latest = tracks[-1]
     poses: Floats = np.concatenate([track.poses for track in tracks])
     metres, radians = spread(poses, latest.poses[-1])

@@ -1,13 +1,13 @@
-"""Which TF frame is the fixed one, the wheel odometry's, and the base.
+"""The roles of TF frames: the fixed frame, that of the wheel odometry, and the base.
 
-Names decide first (REP 105), then how frames move:
+Names decide first (REP 105), then the frames' motions:
 
 - fixed: map, then world, earth, odom; else the root of the camera's tree, if that is no base and
   the camera moves in it.
 - base: base_footprint, base_link, base and the like, if it moves in the plane (tilts less than
-  `MAX_TILT`, rises less than `MAX_RISE`); else the last frame between fixed and camera that is
-  driven about in the plane; else the camera's own place, projected to the ground.
-- odom: odom and the like; else what lies between the fixed frame and the base, if it moves too.
+  `MAX_TILT`, rises less than `MAX_RISE`); else the last frame between fixed and camera that moves
+  in the plane; else the camera's own place, projected to the ground.
+- odom: odom and the like; else a frame between the fixed frame and the base, if it moves too.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ BASE_NAMES = (
 class FrameNames:
     """The frames by role. ``odom`` is None without wheel odometry, ``laser`` without a laser.
 
-    Where nothing drives in the plane (a hand-held camera), ``base_is_virtual``: the base is the
-    camera's place on the ground, turned as the camera looks, and is no frame of the TF tree.
+    ``base_is_virtual`` says that no frame moves in the plane (a hand-held camera). Then the base is
+    the camera's place on the ground with the camera's heading, and is no frame of the TF tree.
     """
 
     fixed: str
@@ -61,7 +61,7 @@ def find_frames(
 ) -> FrameNames:
     """Return the frames by role; the laser is the first that the base carries.
 
-    Raises `RecordingError` where the camera has no pose in a fixed frame, saying where it looked.
+    Raises `RecordingError` if the camera has no pose in a fixed frame; it names the frames tried.
     """
     fixed = _fixed(tree, camera, config.fixed_frame)
     names = FrameNames(fixed, None, f"{camera}_ground", camera, None, base_is_virtual=True)
@@ -75,7 +75,7 @@ def find_frames(
 
 
 def conflicts(tree: TransformTree, names: FrameNames) -> list[ProcessWarning]:
-    """Return a warning for each edge that poses rest on, and that several sources send."""
+    """Return a warning for each edge in use that several sources send."""
     carrier = names.camera if names.base_is_virtual else names.base
     ends = [(names.fixed, names.camera), (names.fixed, carrier)]
     ends += [(names.odom, carrier)] if names.odom else []
@@ -93,10 +93,10 @@ def conflicts(tree: TransformTree, names: FrameNames) -> list[ProcessWarning]:
 
 
 def ground_pose(fixed_from_camera: Floats) -> Floats:
-    """Return the (n, 4, 4) poses of the places below cameras, turned as these look.
+    """Return the poses (n, 4, 4) of the places below cameras, with the cameras' headings.
 
-    The heading is that of the optical axis; the image's upward direction helps where the camera
-    looks down, and the axis alone has hardly a heading.
+    The heading is that of the optical axis. If the camera looks down, so that the axis has hardly a
+    heading, the image's upward direction helps.
     """
     forward = fixed_from_camera[:, :2, 2].copy()
     down = fixed_from_camera[:, 2, 2] < 0
@@ -173,7 +173,7 @@ def _belongs(tree: TransformTree, names: FrameNames, frame: str) -> bool:
 
 
 def _carries(tree: TransformTree, names: FrameNames, laser: str) -> bool:
-    """Tell whether a laser is the base's, and no other robot's."""
+    """Tell whether a laser belongs to the base, and not to another robot."""
     if names.base_is_virtual:
         return tree.connected(laser, names.camera)
     return _belongs(tree, names, laser)
@@ -206,7 +206,7 @@ def _odom(tree: TransformTree, names: FrameNames, carrier: str, given: str) -> s
         if not tree.connected(frame, carrier) or not tree.moving_edges(frame, carrier):
             continue
         up_frame, up_carrier = tree.path(frame, carrier)
-        # Through the fixed frame it would be the localisation over again, or another robot.
+        # A way through the fixed frame would be the localisation again, or another robot.
         passed = {edge.parent for edge in (*up_frame, *up_carrier)} - {frame}
         if names.fixed not in passed:
             return frame
@@ -217,9 +217,9 @@ def _odom(tree: TransformTree, names: FrameNames, carrier: str, given: str) -> s
 
 
 def pose_stamps(tree: TransformTree, fixed: str, frame: str) -> Stamps:
-    """Return the stamps of the most often recorded edge between two frames, that all cover.
+    """Return stamps that all edges between two frames cover, from the edge with most samples.
 
-    Where nothing moves between them, the one stamp at which an edge was recorded.
+    If nothing moves between the frames, return the single stamp of an edge.
     """
     moving = tree.moving_edges(fixed, frame)
     if not moving:

@@ -1,9 +1,9 @@
-"""The TF tree over time: edges sampled as recorded, looked up for many stamps at once.
+"""The TF tree over time: the recorded samples of edges, with lookup for many stamps at once.
 
 Between two samples the place is interpolated linearly and the attitude on the great circle. Nothing
-is extrapolated by more than `TOLERANCE_NS`. A gap longer than `MAX_GAP_NS` is bridged only where
-its ends agree (`GAP_METRES`, `GAP_RADIANS`), so that an interpolated pose is never further off. An
-edge that is static, or of which all samples are equal, holds at any time.
+is extrapolated by more than `TOLERANCE_NS`. A gap longer than `MAX_GAP_NS` is interpolated only if
+its ends agree (`GAP_METRES`, `GAP_RADIANS`), which bounds the error. An edge that is static, or
+whose samples are all equal, is valid at any time.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Stamps = Ints
 class TransformEdge:
     """``parent_from_child`` over time: (n,) stamps ascending, (n, 3) metres, (n, 4) xyzw.
 
-    ``conflict`` tells that other sources sent the edge too, and sent it differently.
+    ``conflict`` says that other sources sent the edge, too, with other values.
     """
 
     parent: str
@@ -54,7 +54,7 @@ class TransformEdge:
 
     @cached_property
     def _bridged(self) -> Bools:
-        """The (n - 1,) gaps between samples over which may be interpolated."""
+        """A mask (n - 1,) of the gaps between samples that may be interpolated."""
         moved = np.linalg.norm(np.diff(self.translations, axis=0), axis=1)
         cosine = np.abs(np.sum(self.quaternions[1:] * self.quaternions[:-1], axis=1))
         turned = 2 * np.arccos(np.clip(cosine, 0, 1))
@@ -62,7 +62,7 @@ class TransformEdge:
         return np.asarray(agree | (np.diff(self.stamps_ns) <= MAX_GAP_NS))
 
     def at(self, stamps_ns: Stamps) -> tuple[Floats, Bools]:
-        """Return (n, 4, 4) poses, and (n,) which of them are covered by samples."""
+        """Return poses (n, 4, 4), and a mask (n,) of those covered by samples."""
         if self.is_static:
             shape = (len(stamps_ns), 4, 4)
             return np.broadcast_to(self._constant, shape), np.ones(len(stamps_ns), dtype=bool)
@@ -75,7 +75,7 @@ class TransformEdge:
         near = np.minimum(np.abs(since), np.abs(until)) <= TOLERANCE_NS
         unbridged = ~self._bridged[before]
         valid &= near | ~unbridged
-        # In a gap that may not be bridged, what is near to a sample takes that sample.
+        # In a gap that may not be interpolated, a stamp close to a sample takes that sample.
         fraction = np.where(unbridged, np.rint(fraction), fraction)
         places = self.translations[before] * (1 - fraction[:, None])
         places += self.translations[after] * fraction[:, None]
@@ -101,8 +101,8 @@ class TransformTree:
     def chain(self, frame: str) -> list[TransformEdge]:
         """Return the edges from a frame up to its root.
 
-        Raises `RecordingError` where a frame on the way has several parents or is its own ancestor,
-        or where the way is longer than the limits allow.
+        Raises `RecordingError` if a frame on the way has several parents or is its own ancestor, or
+        if the way is longer than the limits allow.
         """
         edges: list[TransformEdge] = []
         seen = {frame}
@@ -135,7 +135,7 @@ class TransformTree:
         return chain[-1].parent if chain else frame
 
     def connected(self, first: str, second: str) -> bool:
-        """Tell whether the first frame is in the tree of the second, and has a place in it."""
+        """Tell whether the first frame has a pose in the tree of the second."""
         if first not in self.frames or second not in self.frames:
             return False
         root = self.root(second)
@@ -145,9 +145,9 @@ class TransformTree:
             return False
 
     def path(self, target: str, source: str) -> tuple[list[TransformEdge], list[TransformEdge]]:
-        """Return the edges up from the target, and up from the source, to where they meet.
+        """Return the edges from the target, and from the source, up to their common ancestor.
 
-        Raises `RecordingError` where the frames are not in one tree.
+        Raises `RecordingError` if the frames are not in one tree.
         """
         for frame in (target, source):
             if frame not in self.frames:
@@ -168,7 +168,7 @@ class TransformTree:
     def lookup(self, target: str, source: str, stamps_ns: ArrayLike) -> tuple[Floats, Bools]:
         """Return ``target_from_source`` (n, 4, 4) at (n,) stamps, and which of them are covered.
 
-        Raises `RecordingError` where the frames are not connected at all.
+        Raises `RecordingError` if the frames are not connected.
         """
         stamps = np.atleast_1d(np.asarray(stamps_ns, dtype=np.int64))
         up_target, up_source = self.path(target, source)
@@ -197,7 +197,7 @@ def slerp(first: Floats, second: Floats, fraction: Floats) -> Floats:
     second = np.where(cosine < 0, -second, second)
     angle = np.arccos(np.clip(np.abs(cosine), 0.0, 1.0))
     t = fraction[:, None]
-    small = angle < 1e-4  # where the chord is the arc, and the sine no divisor
+    small = angle < 1e-4  # here the chord equals the arc, and the sine is too small a divisor
     sine = np.where(small, 1.0, np.sin(angle))
     weight_first = np.where(small, 1 - t, np.sin((1 - t) * angle) / sine)
     weight_second = np.where(small, t, np.sin(t * angle) / sine)

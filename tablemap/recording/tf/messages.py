@@ -1,7 +1,7 @@
-"""Transform messages of ROS taken apart directly: robots record thousands a second.
+"""A fast reader for ROS's transform messages, as robots record thousands a second.
 
-Only where the embedded schema has the layout that all versions of ROS share so far; a general
-decoder takes five times as long.
+It is used only if the embedded schema has the layout that all versions of ROS share so far; the
+general decoder takes five times as long.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Reader = Callable[[memoryview, int, bool], tuple[TransformStamped, ...]]
 
 
 def direct_reader(fielddefs: dict[str, Any], name: str, *, encoding: str) -> Reader | None:
-    """Return what reads a schema's messages directly, None where its layout is another.
+    """Return a fast reader for a schema's messages, None if its layout is another.
 
     ``fielddefs`` are rosbags' definitions of the embedded types. The reader takes the bytes, the
     time for stamps of zero, and whether the transforms are static; it raises struct.error on bytes
@@ -84,7 +84,7 @@ def _read_ros1(data: memoryview, log_ns: int, is_static: bool) -> tuple[Transfor
 def _read_cdr(data: memoryview, log_ns: int, is_static: bool) -> tuple[TransformStamped, ...]:
     if bytes(data[:2]) != b"\0\1":
         raise struct.error("not little-endian CDR")
-    body = data[4:]  # alignment counts from behind the encapsulation
+    body = data[4:]  # alignment counts from the end of the encapsulation
     (count,) = _WORD.unpack_from(body)
     at = 4
     transforms = []

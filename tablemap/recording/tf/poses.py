@@ -1,8 +1,9 @@
-"""Poses that topics tell and TF lacks: a localisation's, the wheels', and given extrinsics.
+"""Poses from topics that TF lacks: those of a localisation, of the wheels, and given extrinsics.
 
-A pose of the base in the map hangs the root of the base's own tree below the map: with the wheels'
-odometry in between that is the correction of the odometry, which holds until the next pose, as a
-localisation sends it; without it the base itself, whose motion is interpolated.
+A pose of the base in the map puts the root of the base's own tree below the map. If the wheels'
+odometry lies in between, the new edge is the correction of the odometry, which is constant until
+the next pose, as a localisation sends it. Without odometry the new edge is the base's own motion,
+which is interpolated.
 """
 
 from __future__ import annotations
@@ -20,15 +21,17 @@ from tablemap.recording.messages import TransformStamped
 from tablemap.recording.tf.frame_roles import BASE_NAMES, FIXED_NAMES, ODOM_NAMES
 from tablemap.recording.tf.frames import Stamps, TransformEdge, TransformTree
 
-_STEP_NS = 1_000_000  # how long before the next correction the last one still holds
+_STEP_NS = 1_000_000  # the last correction is valid until this long before the next one
 
 
 @dataclass(frozen=True, eq=False)
 class PoseTrack:
-    """The poses on one topic: of the frame ``child`` (empty: not told) in ``frame``.
+    """The poses on one topic: of the frame ``child`` (empty: unknown) in ``frame``.
 
-    ``stamps_ns``: (n,), ascending. ``translations``: (n, 3) metres. ``quaternions``: (n, 4), xyzw.
-    ``sigmas``: (n, 3) standard deviations of x, y (metres) and yaw (radians); NaN: not told.
+    - ``stamps_ns``: (n,), ascending
+    - ``translations``: (n, 3) metres
+    - ``quaternions``: (n, 4), xyzw
+    - ``sigmas``: (n, 3) standard deviations of x, y (metres) and yaw (radians), NaN if unknown
     """
 
     topic: str
@@ -41,17 +44,17 @@ class PoseTrack:
 
     @property
     def is_wheels(self) -> bool:
-        """Whether this is odometry, and no localisation."""
+        """Whether this is odometry, and not a localisation."""
         return bool(self.child) and _own_name(self.frame) in ODOM_NAMES
 
     def sigmas_at(self, stamps_ns: Stamps) -> Floats:
-        """Return the (n, 3) standard deviations that held at (n,) stamps."""
+        """Return the standard deviations (n, 3) that were valid at stamps (n,)."""
         last = np.searchsorted(self.stamps_ns, stamps_ns, side="right") - 1
         return np.asarray(self.sigmas[np.maximum(last, 0)])
 
 
 def with_extrinsics(tree: TransformTree, given: Sequence[TransformStamped]) -> TransformTree:
-    """Return the tree with what was given of frames whose place it does not know itself."""
+    """Return the tree with the given transforms of frames whose place it lacks."""
     new = [
         TransformEdge(
             each.parent_frame,
@@ -73,10 +76,10 @@ def completed(
     camera: str,
     config: TopicsConfig,
 ) -> tuple[TransformTree, PoseTrack | None, list[ProcessWarning]]:
-    """Return the tree with the poses that it lacks, the localisation among these, and what to say.
+    """Return the tree with the poses that it lacked, the localisation's track, and warnings.
 
-    ``tracks`` reads the topics of poses, which is done only where the tree has no localised pose of
-    the camera, or where a topic was asked for. Raises `RecordingError` where that has no poses.
+    ``tracks`` reads the topics of poses. It is called only if the tree has no localised pose of the
+    camera, or if a topic was requested. Raises `RecordingError` if that topic has no poses.
     """
     if _is_localised(tree, camera) and not config.pose:
         return tree, None, []
@@ -98,7 +101,7 @@ def completed(
             )
     elif _is_localised(tree, camera):
         return tree, None, said
-    # One that knows how sure it is, is a localisation; else the one that tells most.
+    # A track with covariances is a localisation; otherwise prefer the one with most poses.
     localised.sort(key=lambda each: (np.isnan(each.sigmas).all(), -len(each.stamps_ns)))
     if not localised:
         return tree, None, said
@@ -111,7 +114,7 @@ def completed(
 
 
 def _hung(tree: TransformTree, track: PoseTrack, child: str) -> TransformTree:
-    """Hang the root of the child's tree below the frame that its poses are in."""
+    """Put the root of the child's tree below the frame of its poses."""
     poses = np.zeros((len(track.stamps_ns), 4, 4))
     poses[:, :3, :3] = Rotation.from_quat(track.quaternions).as_matrix()
     poses[:, :3, 3] = track.translations
@@ -132,7 +135,7 @@ def _hung(tree: TransformTree, track: PoseTrack, child: str) -> TransformTree:
 
 
 def _held(stamps: Stamps, first: int, last: int) -> tuple[Stamps, Ints]:
-    """Return stamps between which nothing moves but in steps, and whose value holds at each."""
+    """Return stamps for a motion in steps, and the index of the value at each."""
     if not len(stamps):
         return stamps, np.zeros(0, dtype=np.int64)
     places = np.arange(len(stamps))
@@ -146,13 +149,13 @@ def _held(stamps: Stamps, first: int, last: int) -> tuple[Stamps, Ints]:
 
 
 def _is_localised(tree: TransformTree, camera: str) -> bool:
-    """Tell whether a frame that is fixed, and no odometry's, reaches the camera."""
+    """Tell whether a fixed frame that is not the odometry's is connected to the camera."""
     fixed = [f for f in tree.frames if _own_name(f) in set(FIXED_NAMES) - set(ODOM_NAMES)]
     return any(tree.connected(frame, camera) for frame in fixed)
 
 
 def _carrier(tree: TransformTree, camera: str) -> str:
-    """Return whose pose a topic tells that does not say: the base's that carries the camera."""
+    """Return the frame of poses whose topic does not name it: the base that carries the camera."""
     for name in BASE_NAMES:
         for frame in tree.frames:
             if _own_name(frame) == name and tree.connected(frame, camera):

@@ -1,7 +1,7 @@
-"""Whether the samples of a TF edge come from one source, or from several that disagree.
+"""Detection of several sources that send one TF edge and disagree.
 
-Two localisers, or two odometries, that send the same edge make a track that alternates between two
-places. Interpolated, it would be a motion that never was.
+If two localisers, or two odometries, send the same edge, its samples alternate between two places.
+Their interpolation would be a motion that never happened.
 """
 
 from __future__ import annotations
@@ -14,22 +14,22 @@ import numpy as np
 from tablemap.geometry import Bools, Floats, Ints
 
 MAX_GAP_NS = 2_000_000_000
-"""Over a longer gap nothing is interpolated, unless the edge stood still."""
+"""A longer gap is not interpolated, unless the edge stood still."""
 
 CONFLICT_METRES = 0.02
 CONFLICT_RADIANS = np.radians(1.0)
 STATIC_METRES = 0.005
 STATIC_RADIANS = np.radians(0.3)
 
-_ARM = 0.5  # metres that a radian counts as
+_ARM = 0.5  # metres for a radian
 _GATE_METRES = 0.01
-_GATE_SPEEDS = 3.0  # times the usual speed of the edge, that a sample may be away from its track
+_GATE_SPEEDS = 3.0  # times the usual speed of the edge: a faster sample belongs to another track
 _FEWEST_JUMPS = 10
 _FEWEST_SAMPLES = 10
-_LEAST_SHARE = 0.05  # of all samples, that a second source sends
-_IN_TURN = 0.7  # of a source's samples, between which samples of another lie
-_LIFE_NS = 1_000_000_000  # a track that got no sample for so long has ended
-_LAGS = 5  # sources that are told apart
+_LEAST_SHARE = 0.05  # least share of all samples for a second source
+_IN_TURN = 0.7  # least share of a source's samples with samples of another one between them
+_LIFE_NS = 1_000_000_000  # a track without a sample for so long has ended
+_LAGS = 5  # most sources that are distinguished
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Track:
 
 @dataclass(frozen=True)
 class Conflict:
-    """An edge of which ``sources`` disagree by up to so many metres and radians."""
+    """An edge whose ``sources`` disagree by up to ``metres`` and ``radians``."""
 
     parent: str
     child: str
@@ -60,7 +60,7 @@ class Conflict:
 
 @dataclass(frozen=True, eq=False)
 class Separated:
-    """The samples of the source that sent most, and how far the others are off, if they are."""
+    """The samples of the source that sent most, and the conflict with the others, if any."""
 
     track: Track
     sources: int = 1
@@ -69,12 +69,12 @@ class Separated:
 
 
 def separate(moving: Sequence[Track], static: Sequence[Track] = ()) -> Separated:
-    """Part an edge's samples by source, given one track for each publisher.
+    """Divide an edge's samples by source, given one track for each publisher.
 
-    Publishers that agree, or that take turns, are one source; what a ``static`` one sends beside a
-    moving one is another where it differs. Where each message came from the same publisher, as far
-    as the recording tells, sources are told apart by continuity. The one with most samples is
-    taken, of several such the first.
+    Publishers that agree, or that take turns, are one source. A ``static`` publisher beside a
+    moving one is another source if its values differ. If all messages came from one publisher,
+    as far as the recording shows, continuity distinguishes the sources. The source with most
+    samples is taken, of several such the first.
     """
     ordered = sorted(moving, key=lambda track: (-len(track.stamps_ns), track.stamps_ns[0]))
     main, off = ordered[0], list[tuple[float, float]]()
@@ -101,22 +101,22 @@ def is_conflict(metres: float, radians: float) -> bool:
 
 
 def agree(first: Track, second: Track) -> bool:
-    """Tell whether two tracks were sent at the same time, and are the same."""
+    """Tell whether two tracks were sent during the same time, and agree."""
     overlap, metres, radians = _apart(first, second)
     return overlap > 0 and not is_conflict(metres, radians)
 
 
 def spread(poses: Floats, pose: Floats) -> tuple[float, float]:
-    """Return how far (n, 7) poses are from another (7,): 90th percentile, metres and radians."""
+    """Return the distance of poses (n, 7) from a pose (7,): 90th percentile, metres and radians."""
     metres = np.linalg.norm(poses[:, :3] - pose[:3], axis=1)
     radians = 2 * np.arccos(np.clip(np.abs(poses[:, 3:] @ pose[3:]), 0, 1))
     return float(np.quantile(metres, 0.9)), float(np.quantile(radians, 0.9))
 
 
 def by_continuity(track: Track) -> list[Track]:
-    """Part a track where its samples alternate between places; the one with most samples first.
+    """Divide a track whose samples alternate between places; the part with most samples is first.
 
-    A track that jumps and stays there, or jitters, is one.
+    A track that jumps once and stays there, or that jitters, is not divided.
     """
     count = len(track.stamps_ns)
     if count < 2 * _FEWEST_SAMPLES:
@@ -124,7 +124,7 @@ def by_continuity(track: Track) -> list[Track]:
     places, seconds = _places(track.poses), track.stamps_ns / 1e9
     steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
     waits = np.maximum(np.diff(seconds), 1e-6)
-    # Among a few samples there is always one of the same source: the slowest step is its motion.
+    # A few samples always include one of the same source: the slowest step is the real motion.
     speed = np.full(count - _LAGS, np.inf)
     for lag in range(1, _LAGS + 1):
         step = np.linalg.norm(places[lag:] - places[:-lag], axis=1)
@@ -142,7 +142,7 @@ def by_continuity(track: Track) -> list[Track]:
         overlap, far, turned = _apart(kept[0], part)
         own = np.linalg.norm(np.diff(_places(part.poses), axis=0), axis=1)
         clear = far + _ARM * turned > 4 * float(np.median(own))
-        # One that jumps to and fro stays at each place for a while; two sources send in turn.
+        # A track that jumps to and fro stays at each place for a while; two sources alternate.
         before = np.searchsorted(kept[0].stamps_ns, part.stamps_ns)
         clear &= float(np.mean(np.diff(before) > 0)) > _IN_TURN
         if clear and overlap >= least and is_conflict(far, turned):
@@ -175,7 +175,7 @@ def _sources(stamps_ns: Ints, places: Floats, usual: float) -> list[Ints]:
         tracks[best].append(i)
     chains: list[list[int]] = []
     for track in tracks:
-        # A source that jumps goes on in a new track; one that still goes on is another.
+        # A source that jumps continues in a new track; a track that goes on is another source.
         ended = [chain for chain in chains if chain[-1] < track[0]]
         if ended:
             start = places[track[0]]
@@ -188,7 +188,7 @@ def _sources(stamps_ns: Ints, places: Floats, usual: float) -> list[Ints]:
 
 
 def _apart(first: Track, second: Track) -> tuple[int, float, float]:
-    """Return how many samples of the second lie within the first, and how far these are off.
+    """Return the share of the second's samples within the first, and their distance from it.
 
     The distance is the 90th percentile in metres and radians.
     """
@@ -210,7 +210,7 @@ def _apart(first: Track, second: Track) -> tuple[int, float, float]:
 
 
 def _within(track: Track, stamps_ns: Ints) -> Bools:
-    """Return which stamps lie between two samples of a track that are no gap apart."""
+    """Return which stamps lie between two samples of a track without a gap."""
     if len(track.stamps_ns) < 2:
         return np.zeros(len(stamps_ns), dtype=bool)
     after = np.clip(np.searchsorted(track.stamps_ns, stamps_ns), 1, len(track.stamps_ns) - 1)
@@ -228,13 +228,13 @@ def joined(tracks: Sequence[Track]) -> Track:
 
 
 def _places(poses: Floats) -> Floats:
-    """Return (n, 7) coordinates in metres, in which near poses are near."""
+    """Return coordinates (n, 7) in metres, whose distances are those of the poses."""
     # The chord of a quaternion is half of its angle.
     return np.column_stack([poses[:, :3], 2 * _ARM * _aligned(poses[:, 3:])])
 
 
 def _aligned(quaternions: Floats) -> Floats:
-    """Return (n, 4) quaternions, each of the sign that is nearer to the one before."""
+    """Return quaternions (n, 4), each with the sign that is nearer to the one before."""
     cosine = np.sum(quaternions[1:] * quaternions[:-1], axis=1)
     signs = np.cumprod(np.concatenate([[1.0], np.where(cosine < 0, -1.0, 1.0)]))
     return np.asarray(quaternions * signs[:, None])
