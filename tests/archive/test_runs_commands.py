@@ -48,7 +48,10 @@ def runs(recording: Path, tmp_path: Path) -> Path:
 def test_list_prints_columns_json_and_csv(runs: Path) -> None:
     """The same runs each time."""
     text = call("runs", "list", runs, "--sort", "-started").stdout.splitlines()
-    assert [line.split()[-1] for line in text] == ["run", "hall/c", "lap/b", "lap/a"]
+    assert text[0].split()[-2:] == ["run", "error"]
+    runs_listed = [word for line in text for word in line.split() if "/" in word]
+    assert runs_listed == ["hall/c", "lap/b", "lap/a"]
+    assert text[1].endswith("hall/c  why it is failed")
     assert "1.193 x 0.806" in text[2]
     listed = json.loads(call("runs", "list", runs, "--json", "--shape", "rectangle").stdout)
     assert [row["path"] for row in listed] == ["lap/a", "lap/b"]
@@ -86,6 +89,34 @@ def test_compare_counts_sigmas_and_draws_both(runs: Path, tmp_path: Path) -> Non
     assert sorted(p.name for p in output.iterdir()) == ["compare.rrd", "compare.svg"]
     with pytest.raises(TablemapError, match="no table model"):
         call("runs", "compare", runs / "lap/a", runs / "hall/c")
+
+
+def test_compare_and_show_say_what_was_set_otherwise(runs: Path) -> None:
+    """Settings and versions that differ, those alone; of one run what is not the default."""
+    config = load_config(overrides=["seed=5", "topics.laser=/scan"])
+    run = make_run(runs, "lap/d", rectangle_model(), config=config)
+    run.update(versions={**run.manifest.versions, "numpy": "0.1"})
+    text = call("runs", "compare", runs / "lap/a", run.path).stdout.splitlines()
+    settings = text.index(next(line for line in text if line.startswith("settings")))
+    told = [line.split() for line in text[settings:] if line]
+    assert told[:3] == [["settings", "A", "B"], ["seed", "0", "5"], ["topics.laser", "/scan"]]
+    assert told[3] == ["versions", "A", "B"]
+    assert [row[0] for row in told[4:]] == ["numpy"]
+    document = json.loads(call("runs", "compare", runs / "lap/a", run.path, "--json").stdout)
+    assert document["settings"]["seed"] == {"a": 0, "b": 5}
+    assert document["versions"]["numpy"]["b"] == "0.1"
+    shown = call("runs", "show", run.path).stdout
+    assert "seed = 5 (default 0)" in shown
+    assert "setting" not in call("runs", "show", runs / "lap/a").stdout
+
+
+def test_compare_goes_on_where_settings_cannot_be_read(runs: Path) -> None:
+    """The models still compare; what is missing is said."""
+    (runs / "lap/a/config.toml").write_text("nonsense = 1\n")
+    done = call("runs", "compare", runs / "lap/a", runs / "lap/b")
+    assert "the settings are not compared: there is no setting 'nonsense'" in done.stderr
+    assert "length" in done.stdout
+    assert "unknown: there is no setting" in call("runs", "show", runs / "lap/a").stdout
 
 
 def test_verify_exits_with_1_where_something_is_wrong(runs: Path) -> None:

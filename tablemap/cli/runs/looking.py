@@ -16,10 +16,12 @@ from tablemap.cli.printing import (
     other_rows,
 )
 from tablemap.cli.runs.app import Run, runs_app
+from tablemap.errors import TablemapError
 
 if TYPE_CHECKING:
     from tablemap.archive import RunFolder
     from tablemap.archive.comparison import Comparison
+    from tablemap.archive.conditions import Apart
 
 
 @runs_app.command()
@@ -44,6 +46,7 @@ def show(run: Run, as_json: Json = False) -> None:
         ("recording", manifest.recording.path),
         ("method", f"{manifest.method}, seed {manifest.seed}"),
         ("tablemap", manifest.versions.get("tablemap", "unknown")),
+        *_changed_rows(folder),
         ("started", manifest.started),
         ("seconds", f"{sum(manifest.timings.values()):.1f}"),
         ("status", manifest.status),
@@ -69,17 +72,49 @@ def compare(
     """Show the models of A and B side by side, and their differences in sigmas."""
     from tablemap.archive import load_run
     from tablemap.archive.comparison import compare as compare_models
+    from tablemap.archive.conditions import versions_apart
 
     a, b = load_run(first), load_run(second)
     compared = compare_models(a.model, b.model)
+    apart = {"settings": _settings_apart(a, b), "versions": versions_apart(a, b)}
     if as_json:
-        document = {"a": str(a.path), "b": str(b.path), **compared.to_dict()}
+        conditions = {
+            kind: {name: {"a": first, "b": second} for name, (first, second) in found.items()}
+            for kind, found in apart.items()
+        }
+        document = {"a": str(a.path), "b": str(b.path), **compared.to_dict(), **conditions}
         typer.echo(json.dumps(document, indent=1))
     else:
         typer.echo(aligned(_comparison_rows(compared)))
+        for kind, found in apart.items():
+            if found:
+                rows = [(name, str(first), str(second)) for name, (first, second) in found.items()]
+                typer.echo("\n" + aligned([(kind, "A", "B"), *rows]))
     if output:
         for file in _draw(a, b, output):
             typer.echo(file, err=True)
+
+
+def _settings_apart(a: RunFolder, b: RunFolder) -> Apart:
+    """Return the settings that differ; settings that cannot be read are a warning on stderr."""
+    from tablemap.archive.conditions import settings_apart
+
+    try:
+        return settings_apart(a, b)
+    except TablemapError as error:
+        typer.echo(f"warning: the settings are not compared: {error}", err=True)
+        return {}
+
+
+def _changed_rows(run: RunFolder) -> Iterator[tuple[str, str]]:
+    """Return a row for each setting that is not the default."""
+    from tablemap.archive.conditions import changed_settings
+
+    try:
+        for name, (default, value) in changed_settings(run).items():
+            yield ("setting", f"{name} = {value} (default {default})")
+    except TablemapError as error:
+        yield ("settings", f"unknown: {error}")
 
 
 def _comparison_rows(compared: Comparison) -> Iterator[tuple[str, ...]]:
