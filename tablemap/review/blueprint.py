@@ -129,10 +129,10 @@ def _image(scene: DrawnScene, what: str) -> rrb.Spatial2DView:
     """Return a view of the snapshot's depth or colour with edge points and model drawn into it."""
     if what == "colour" and not scene.colour_fits:
         return rrb.Spatial2DView(origin="/camera/colour", name="Colour (of another camera)")
-    shown = [f"/camera/{what}", "/camera/edges/**", "/camera/model/**"]
+    shown = [f"/camera/{what}", "/camera/edges/**", "/camera/model/**", "/camera/candidates"]
     return rrb.Spatial2DView(
         origin=f"/camera/{what}",
-        name=f"{what.capitalize()} with the model",
+        name=f"{what.capitalize()} with {'the surfaces found' if scene.failed else 'the model'}",
         contents=shown,
         overrides={"/camera/edges/image_border": rrb.EntityBehavior(visible=False)},
     )
@@ -149,6 +149,7 @@ def _views(scene: DrawnScene) -> rrb.Container:
         "- /camera/colour",
         "- /camera/edges/**",
         "- /camera/model/**",
+        "- /camera/candidates",
     ]
     flatness = rrb.Grid(
         *[

@@ -25,6 +25,7 @@ SHOWN_WIDTH = 640
 CLOUD_WIDTH = 110
 INSIDE_CELLS = 5
 MOST_IN_SIGHT = 4
+FEW_CANDIDATES = 3  # up to here their labels have room for reasons
 RESIDUAL_RANGE_M = 0.015
 BLOCK_PX = 20
 
@@ -143,7 +144,11 @@ def _log_hulls(
             [closed(one.hull, stream.scene.floor_z + one.height) for one in candidates],
             colors=[tint],
             radii=rr.Radius.ui_points(2.0),
-            labels=[f"{one.height:.2f} m high: {one.reason or 'a table'}" for one in candidates],
+            labels=[
+                f"{one.height:.2f} m high"
+                + (f": {one.reason or 'a table'}" if len(candidates) <= FEW_CANDIDATES else "")
+                for one in candidates
+            ],
             show_labels=show_labels,
         ),
     )

@@ -71,7 +71,7 @@ def log_failure(stream: Stream, failed: RunFailed) -> None:
     """Say in the summary and in the log that the run has no model, and why."""
     stream.scene.failed = True
     stream.hold()
-    stream.text("summary", story.failure(failed.stage, failed.message))
+    stream.text("summary", story.failure(failed.stage, failed.message, stream.scene.told))
     if stream.config.level != "off":
         stream.log_flat("log", rr.TextLog(f"{failed.stage}: {failed.message}", level="ERROR"))
     stream.flush()

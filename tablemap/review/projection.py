@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from tablemap.geometry import Floats, Pose2, invert, transform
 from tablemap.model import TableLeg, TableModel
 from tablemap.review import colours
-from tablemap.review.clouds import raised
+from tablemap.review.clouds import closed, raised
 from tablemap.review.sensors import IMAGE_PLANE, log_images
 from tablemap.review.solid import DRAWN_THICKNESS
 from tablemap.review.stream import Stream
 from tablemap.review.supports import section
 from tablemap.stages.calibration import Calibration
 from tablemap.stages.outline import Outline
+from tablemap.stages.segmentation import Label, TableCandidate
 from tablemap.stages.snapshots import Snapshot
 
 SPACING = 0.01  # metres between the points of a line, so that the image can cut it anywhere
@@ -88,8 +89,32 @@ class Projection:
                     frame=frame,
                 )
 
+    def log_candidates(self, stream: Stream, candidates: tuple[TableCandidate, ...]) -> None:
+        """Log where each image shows the surfaces that could be the table, as localised."""
+        for snapshot, frame in self._in_turn(stream):
+            map_from_base = snapshot.map_from_base.lifted()
+            map_from_base[2, 3] = stream.scene.floor_z
+            strips, labels = [], []
+            for number, one in enumerate(candidates):
+                line = closed(one.hull, stream.scene.floor_z + one.height)
+                pieces = in_image(snapshot, map_from_base, line, dashed=False) if len(line) else []
+                strips += pieces
+                labels += [f"{number}: {one.height:.2f} m"] * len(pieces)
+            stream.log(
+                "camera/candidates",
+                rr.LineStrips2D(
+                    strips,
+                    colors=[colours.LABELS[Label.OTHER_TOP][1]],
+                    radii=rr.Radius.ui_points(LINE),
+                    labels=labels,
+                    show_labels=True,
+                ),
+                frame=frame,
+            )
+
     def log_model(self, stream: Stream, model: TableModel) -> None:
         """Log the model's lines in each camera's image, as if nothing hid them."""
+        self.log_candidates(stream, ())
         lines = list(_lines(model))
         for snapshot, frame in self._in_turn(stream):
             if snapshot.index >= len(model.snapshots):

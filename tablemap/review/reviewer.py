@@ -82,6 +82,10 @@ class Reviewer:
             perception.log_calibration(stream, calibration)
             projection.take_cameras(calibration)
 
+        def draw_tables_found(stream: Stream, found: TablesFound) -> None:
+            perception.log_tables_found(stream, found)
+            projection.log_candidates(stream, found.candidates)
+
         def draw_segmentation(stream: Stream, segmentation: Segmentation) -> None:
             perception.log_segmentation(stream, segmentation)
             telling.log_candidates(stream, segmentation)
@@ -114,7 +118,7 @@ class Reviewer:
             Snapshots: draw_snapshots,
             SetAside: sensors.log_set_aside,
             Calibration: draw_calibration,
-            TablesFound: perception.log_tables_found,
+            TablesFound: draw_tables_found,
             Segmentation: draw_segmentation,
             OdometryScan: motion.log_scan,
             OdometryMap: motion.log_map,

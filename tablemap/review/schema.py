@@ -27,6 +27,7 @@ ENTITIES = {
     "/camera/depth": "EncodedDepthImage: 16-bit PNG in millimetres, one a snapshot",
     "/camera/colour": "EncodedImage as recorded, one a snapshot; on stage the best one",
     "/camera/edges/*": "Points2D by kind where they were found in the image, one row a snapshot",
+    "/camera/candidates": "LineStrips2D in the image: surfaces found; empty once there is a model",
     "/camera/model/*": "LineStrips2D in the image: outline, underside, legs; dashed: not measured",
     "/laser/scan": "Points3D in the laser frame: the scan nearest to the snapshot",
     "/trajectory/*": "LineStrips3D of the base: localised, wheels, odometry, registered",

@@ -111,9 +111,10 @@ def _optional(name: str, one: Figure | None) -> tuple[object, ...]:
     return name, metres(one.value, one.sigma), status
 
 
-def failure(stage: str, message: str) -> str:
-    """Return the summary of a run that has no model."""
-    return f"# No model\n\nThe run ended in **{stage}**:\n\n> {message}\n"
+def failure(stage: str, message: str, told: str) -> str:
+    """Return the summary of a run without a model: why, and what the stage ``told`` before."""
+    found = f"\n## Found before that\n\n{told}\n" if told else ""
+    return f"# No model\n\nThe run ended in **{stage}**:\n\n> {message}\n{found}"
 
 
 def no_other_model(number: int, message: str) -> str:

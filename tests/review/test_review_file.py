@@ -274,7 +274,12 @@ def test_a_failed_choice_shows_what_there_was_to_choose(run: list[object], tmp_p
     found = columns(path, "/segmentation/candidates/others", "LineStrips3D:labels")
     assert len(found[-1]) == 2
     assert "0.74 m high" in found[-1][0]
-    assert any("seen by one view" in str(one) for one in texts(path, "/segmentation/summary"))
+    for page in ("/segmentation/summary", "/summary"):
+        assert "seen by one view" in str(texts(path, page)[-1])
+    drawn = columns(path, "/camera/candidates", "LineStrips2D:labels")
+    assert len(drawn) == STOPS
+    assert "0: 0.74 m" in str(drawn)
+    assert "1: 0.50 m" in str(drawn)
 
 
 def test_a_pair_moves_from_its_start_to_its_end(review: Path) -> None:
