@@ -5,10 +5,11 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from tablemap.errors import RecordingError
 from tablemap.paths import AnyPath, as_path
+from tablemap.remote import is_remote, place_at
 
 SUFFIXES = (".mcap", ".db3", ".bag")
 PACKED_SUFFIXES = (".zst", ".zstd")
@@ -20,7 +21,7 @@ METADATA = "metadata.yaml"
 class Input:
     """The files or folders of one drive's recording, which are read as one.
 
-    As a path it is the first of them. ``places``: paths as they were given, at least one.
+    As a path it is the first of them. ``places``: paths or URLs as they were given, at least one.
     """
 
     places: tuple[str, ...]
@@ -39,7 +40,10 @@ class Input:
             paths = [given]
         if not paths:
             raise RecordingError("expected a recording, found none.")
-        found = [as_path(path) for path in paths]
+        found = [
+            place_at(path) if isinstance(path, str) and is_remote(path) else as_path(path)
+            for path in paths
+        ]
         # A bag is often named by what lies in its folder.
         found = [path.parent if path.name == METADATA else path for path in found]
         return Input(tuple(dict.fromkeys(map(str, found))))
@@ -54,12 +58,17 @@ class Input:
     @property
     def paths(self) -> tuple[Path, ...]:
         """The places as paths."""
-        return tuple(map(Path, self.places))
+        return tuple(map(place_at, self.places))
 
     @property
     def path(self) -> Path:
         """The first place."""
-        return Path(self.places[0])
+        return place_at(self.places[0])
+
+    @property
+    def is_remote(self) -> bool:
+        """Whether a place is not on this machine."""
+        return any(map(is_remote, self.places))
 
     @property
     def name(self) -> str:
@@ -71,8 +80,8 @@ class Input:
         """The name for runs of it: the first place's name without its suffixes."""
         if self.path.is_dir():
             return self.name
-        name = Path(self.name)
-        return Path(name.stem).stem if name.suffix in PACKED_SUFFIXES else name.stem
+        name = PurePath(self.name)
+        return PurePath(name.stem).stem if name.suffix in PACKED_SUFFIXES else name.stem
 
     def resolved(self) -> Input:
         """Return the same input by absolute paths."""
@@ -100,7 +109,10 @@ class Input:
 
     def exists(self) -> bool:
         """Tell whether all places exist."""
-        return all(path.exists() for path in self.paths)
+        try:
+            return all(path.exists() for path in self.paths)
+        except OSError:
+            return False
 
     def files(self) -> list[Path]:
         """Return the files of all places, a folder's by their names."""
@@ -113,12 +125,15 @@ class Input:
         except OSError as error:
             raise RecordingError(f"the file cannot be read ({error.strerror}): {self}") from error
 
-    def sha256(self) -> str:
+    def sha256(self) -> str | None:
         """Return the SHA-256: a file's own; of several that of the lines of ``sha256sum``.
 
+        None for what is remote, of which only parts are read.
         These have each file's hash, two blanks and its name alone, in the order of the places.
         Raises `RecordingError` where a file cannot be read.
         """
+        if self.is_remote:
+            return None
         files = self.files()
         if len(files) == 1 and files[0] == self.path:
             return sha256(files[0])

@@ -49,7 +49,13 @@ def pack(run: AnyPath, target: AnyPath | None = None, *, with_input: bool = Fals
     }
     files = {name: file for name, file in files.items() if not name.startswith(f"{INPUT}/")}
     if with_input:
-        for place in find_input(run).paths:
+        found = find_input(run)
+        if found.is_remote:
+            raise TablemapError(
+                f"expected a recording on this machine to pack with the run, found {found}; "
+                "pack the run without it"
+            )
+        for place in found.paths:
             if place.is_dir():
                 files |= {f"{INPUT}/{place.name}/{each.name}": each for each in files_in(place)}
             else:

@@ -14,7 +14,7 @@ from tablemap.cli.printing import stderr_console
 
 def convert(
     recordings: Annotated[
-        list[Path],
+        list[str],
         typer.Argument(help="A recording, or all files of one drive.", metavar="RECORDING"),
     ],
     output: Annotated[

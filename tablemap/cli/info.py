@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def info(
-    recording: Annotated[Path, typer.Argument(help="MCAP recording.", metavar="RECORDING")],
+    recording: Annotated[str, typer.Argument(help="MCAP recording.", metavar="RECORDING")],
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", help="A topics setting; repeatable.", metavar="TOPICS.KEY=NAME"),

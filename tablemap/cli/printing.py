@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,8 +21,8 @@ def stderr_console() -> Console:
     return Console(stderr=True, highlight=False)
 
 
-def outcome_line(outcome: Outcome) -> dict[str, object]:
-    """Return the contract's JSON line of one recording."""
+def outcome_line(outcome: Outcome, address: Callable[[Path], str] = str) -> dict[str, object]:
+    """Return the contract's JSON line of one recording; ``address`` tells where a path is."""
     from tablemap.archive.index import figures_of
 
     run, model = outcome.run, outcome.model
@@ -30,23 +30,25 @@ def outcome_line(outcome: Outcome) -> dict[str, object]:
     return {
         "recording": first,
         **({"together": others} if others else {}),
-        "run": str(run.path) if run else None,
+        "run": address(run.path) if run else None,
         "status": outcome.status,
         "error": outcome.error,
-        "model": str(run.path / "table.json") if run and model else None,
+        "model": address(run.path / "table.json") if run and model else None,
         "verdict": model.verdict.level if model else None,
         "reasons": list(model.verdict.reasons) if model else [],
         "figures": figures_of(model) if model else {},
     }
 
 
-def outcome_rows(outcomes: list[Outcome]) -> Iterator[tuple[str, ...]]:
+def outcome_rows(
+    outcomes: list[Outcome], address: Callable[[Path], str] = str
+) -> Iterator[tuple[str, ...]]:
     """Return a table of outcomes, its header first."""
     from tablemap.archive.index import figures_of
 
     yield ("recording", "status", "shape", "size", "height", "verdict", "run")
     for outcome in outcomes:
-        model, run = outcome.model, str(outcome.run.path) if outcome.run else ""
+        model, run = outcome.model, address(outcome.run.path) if outcome.run else ""
         figures = figures_of(model) if model else {}
         shape, verdict = (model.surface.shape, model.verdict.level) if model else ("", "")
         size, height = size_text(shape, figures), metres_text(figures.get("height"))
@@ -111,7 +113,7 @@ def other_rows(others: Iterable[OtherTable]) -> Iterator[tuple[str, str]]:
 
 
 def print_model(
-    model: TableModel, run: Path, *, console: Console, others: Iterable[OtherTable] = ()
+    model: TableModel, run: Path | str, *, console: Console, others: Iterable[OtherTable] = ()
 ) -> None:
     """Print a model's summary and notes, how to open its run, and at the end why it is doubted."""
     from rich.table import Table
@@ -134,7 +136,8 @@ def print_model(
             console.print(f"  {doubt}", soft_wrap=True)
 
 
-def print_left(run: Path, *, console: Console) -> None:
-    """Print which folder a run left, with a model or without, and how to look at it."""
+def print_left(run: Path | str, *, console: Console) -> None:
+    """Print which folder a run left, and how to look at one that is on this machine."""
     console.print(f"run      {run}", soft_wrap=True)
-    console.print(f"open it  tablemap view {run}", soft_wrap=True)
+    if isinstance(run, Path):
+        console.print(f"open it  tablemap view {run}", soft_wrap=True)

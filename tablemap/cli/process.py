@@ -25,6 +25,7 @@ from tablemap.cli.printing import (
 from tablemap.errors import TablemapError
 
 if TYPE_CHECKING:
+    from tablemap.archive.publishing import Destination
     from tablemap.config import Config
     from tablemap.events import StageStarted
     from tablemap.inputs import Input
@@ -34,12 +35,12 @@ if TYPE_CHECKING:
 
 def process(
     recordings: Annotated[
-        list[Path],
+        list[str],
         typer.Argument(help="MCAP recordings, globs, or @list.txt.", metavar="RECORDING"),
     ],
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="Folder of run folders.", metavar="DIR")
-    ] = Path("runs"),
+        str, typer.Option("--output", "-o", help="Folder of run folders.", metavar="DIR")
+    ] = "runs",
     config: ConfigFile = None,
     settings: Settings = None,
     start: Start = None,
@@ -90,8 +91,7 @@ def process(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors alone.")] = False,
 ) -> None:
     """Model the table in each RECORDING; every step goes into DIR/<recording>/<run>/run.rrd."""
-    from rich.console import Console
-
+    from tablemap.archive.publishing import destination
     from tablemap.config import load_config
     from tablemap.runs import Job, expand
 
@@ -112,29 +112,43 @@ def process(
 
         check_formats(formats)
     outcomes = []
-    exported = True
+    complete = True
     paths = expand(recordings, together=together)
-    job = Job(output, resolved, follow=_follow(live=live))
     many = _many(scheduler, jobs)
-    for outcome in _outcomes(paths, job, many, again=again, quiet=quiet):
-        outcomes.append(outcome)
-        if as_json:
-            typer.echo(json.dumps(outcome_line(outcome)))
-        elif outcome.error and outcome.status == "failed":
-            typer.echo(f"tablemap: {outcome.error}", err=True)
-            if outcome.run and outcome.run.manifest.timings and not quiet and len(paths) == 1:
-                print_left(outcome.run.path, console=Console(highlight=False))
-        if outcome.model and outcome.run and not quiet and len(paths) == 1:
-            console = stderr_console() if as_json else Console(highlight=False)
-            path, others = outcome.run.path, outcome.others
-            print_model(outcome.model, path, console=console, others=others)
-        if outcome.model and outcome.run and formats:
-            exported &= _export_processed(outcome.run.path, formats, resolved, quiet=quiet)
+    with destination(output) as place:
+        if scheduler and place.is_remote:
+            raise typer.BadParameter("--scheduler wants an --output that its workers see.")
+        job = Job(place.folder, resolved, follow=_follow(live=live))
+        for outcome in _outcomes(paths, job, many, again=again, quiet=quiet):
+            outcomes.append(outcome)
+            run = outcome.run.path if outcome.run else None
+            if outcome.model and run and formats:
+                complete &= _export_processed(run, formats, resolved, quiet=quiet)
+            if run:
+                complete &= _publish(place, run)
+            if as_json:
+                typer.echo(json.dumps(outcome_line(outcome, place.address)))
+            elif outcome.error and outcome.status == "failed":
+                typer.echo(f"tablemap: {outcome.error}", err=True)
+            if run and not quiet and len(paths) == 1:
+                shown = place.address(run) if place.is_remote else run
+                _print_outcome(outcome, shown, as_json=as_json)
     if len(paths) > 1 and not quiet:
-        typer.echo(aligned(outcome_rows(outcomes)), err=as_json)
+        typer.echo(aligned(outcome_rows(outcomes, place.address)), err=as_json)
         for line in doubt_lines(outcomes):
             typer.echo(line, err=as_json)
-    raise typer.Exit(exit_code(outcomes, strict=strict) if exported else 1)
+    raise typer.Exit(exit_code(outcomes, strict=strict) if complete else 1)
+
+
+def _print_outcome(outcome: Outcome, run: Path | str, *, as_json: bool) -> None:
+    """Print the only run's model, or where a failed one lies that got as far as a stage."""
+    from rich.console import Console
+
+    if outcome.model:
+        console = stderr_console() if as_json else Console(highlight=False)
+        print_model(outcome.model, run, console=console, others=outcome.others)
+    elif outcome.run and outcome.run.manifest.timings and not as_json:
+        print_left(run, console=Console(highlight=False))
 
 
 def _follow(*, live: bool) -> Follow:
@@ -149,6 +163,16 @@ def _follow(*, live: bool) -> Follow:
         else:
             return followed
     return nullcontext
+
+
+def _publish(place: Destination, run: Path) -> bool:
+    """Put an ended run where it is to be; return False, with the reason on stderr, on failure."""
+    try:
+        place.publish(run)
+    except TablemapError as error:
+        typer.echo(f"tablemap: {error}", err=True)
+        return False
+    return True
 
 
 def _export_processed(run: Path, formats: list[str], config: Config, *, quiet: bool) -> bool:

@@ -67,7 +67,8 @@ def convert(
     """
     given = Input.of(recording)
     config, limits = topics or TopicsConfig(), limits or LimitsConfig()
-    if output.exists() and any(output.samefile(file) for file in given.files()):
+    files = [] if given.is_remote else given.files()
+    if output.exists() and any(output.samefile(file) for file in files if file.exists()):
         raise RecordingError(f"expected another file to write to than the recording: {output}")
     warnings: list[ProcessWarning] = []
     with closing(open_source(given, warnings=warnings, limits=limits)) as whole:

@@ -31,7 +31,9 @@ def unpack_file(path: Path, folder: Path, limits: LimitsConfig) -> Path:
         with (
             path.open("rb") as packed,
             unpacked.open("wb") as file,
-            zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True) as reader,
+            zstandard.ZstdDecompressor().stream_reader(
+                packed, read_size=_PIECE_BYTES, read_across_frames=True
+            ) as reader,
         ):
             while piece := reader.read(_PIECE_BYTES):
                 left -= len(piece)

@@ -16,6 +16,7 @@ from tablemap.recording.mcap.index import MAGIC
 from tablemap.recording.packing import ZSTD_MAGIC, unpack_file
 from tablemap.recording.raw import Source
 from tablemap.recording.several import Several
+from tablemap.remote import RemoteError
 
 _BAG = b"#ROSBAG V"
 _DATABASE = b"SQLite format 3\0"
@@ -35,10 +36,15 @@ def open_source(
     """
     limits = limits or LimitsConfig()
     with ExitStack() as opened:
-        sources = [
-            opened.enter_context(closing(_open_place(path, warnings, limits)))
-            for path in Input.of(given).paths
-        ]
+        try:
+            sources = [
+                opened.enter_context(closing(_open_place(path, warnings, limits)))
+                for path in Input.of(given).paths
+            ]
+        except RemoteError as error:
+            raise RecordingError(
+                f"The recording cannot be read ({error.strerror}): {given}"
+            ) from error
         opened.pop_all()
     return sources[0] if len(sources) == 1 else Several(sources)
 

@@ -14,6 +14,7 @@ from tablemap.errors import ConfigError, TablemapError
 from tablemap.events import StageStarted
 from tablemap.inputs import AnyInput, Input
 from tablemap.paths import AnyPath, as_path
+from tablemap.remote import is_remote
 from tablemap.runs.running import Follow, Outcome, run
 
 TRIES = 2
@@ -49,7 +50,7 @@ def expand(arguments: Sequence[AnyPath], *, together: bool = False) -> list[Inpu
     ``together`` all recordings belong to one drive. Raises `ConfigError` if a list cannot be read.
     """
     names: list[str] = []
-    for argument in map(str, map(as_path, arguments)):
+    for argument in map(_text, arguments):
         if not argument.startswith("@") or Path(argument).exists():
             names.append(argument)
             continue
@@ -61,10 +62,12 @@ def expand(arguments: Sequence[AnyPath], *, together: bool = False) -> list[Inpu
                 f"the list of recordings cannot be read ({reason}): {argument[1:]}"
             ) from error
         names += [line.strip() for line in lines if line.strip() and not line.startswith("#")]
-    paths: dict[Path, None] = {}
+    paths: dict[str, None] = {}
     for name in names:
-        matches = [] if Path(name).exists() else sorted(_glob(name))
-        paths.update(dict.fromkeys(map(Path, matches or [name])))
+        taken = is_remote(name) or Path(name).exists()
+        matches = [] if taken else sorted(_glob(name))
+        # As a path spells them: ./a.mcap is a.mcap.
+        paths.update(dict.fromkeys([name] if is_remote(name) else map(_spelled, matches or [name])))
     return [Input.of(list(paths))] if together else [Input.of(path) for path in paths]
 
 
@@ -74,7 +77,7 @@ def done_already(recording: AnyInput, job: Job) -> RunFolder | None:
     The recording is read (for its SHA-256) only if everything else is the same.
     """
     recording = Input.of(recording)
-    if not recording.exists():
+    if recording.is_remote or not recording.exists():
         return None
     digest = None
     for held in runs_of(recording, job.output):
@@ -121,6 +124,14 @@ def mark_lost(
         if left.manifest.status in ("running", "interrupted"):
             lost.append(left)
     return lost
+
+
+def _text(given: AnyPath) -> str:
+    return given if isinstance(given, str) and is_remote(given) else str(as_path(given))
+
+
+def _spelled(name: str) -> str:
+    return str(Path(name))
 
 
 def _glob(pattern: str) -> list[str]:
