@@ -50,6 +50,7 @@ WARNING_CODES: dict[str, str] = {
         "The floor is not at z = 0 of the fixed frame; heights count from where it is."
     ),
     "surface.inferred_side": "A side was seen only in part, but enough to know where it ends.",
+    "accuracy.hardly_table": "What was chosen shows a front below, as a box or a couch does.",
     "accuracy.second_choice": "The likeliest surface gave no table; another one was taken.",
     "segmentation.table_tie": "Several surfaces could be the table; one was chosen.",
     "recording.calibration": (

@@ -101,8 +101,16 @@ def _labelled(
         height=height.value,
         height_sigma=height.sigma,
         candidates=candidates,
-        warnings=(*warnings, *_doubts(height)),
+        warnings=(*warnings, *_doubts(height), *_hardly(chosen)),
     )
+
+
+def _hardly(chosen: TableCandidate) -> list[ProcessWarning]:
+    """Doubt a table under which nothing was seen but a front."""
+    if chosen.reason is None or "closed below" not in chosen.reason:
+        return []
+    message = f"The chosen surface at {_place(chosen)} is hardly a table: {chosen.reason}"
+    return [ProcessWarning("accuracy.hardly_table", "segmentation", message)]
 
 
 def segment_again(
