@@ -109,7 +109,7 @@ def test_what_cannot_be_served_is_one_sentence(
             pass
     monkeypatch.setitem(sys.modules, "datafusion", None)
     with (
-        pytest.raises(ExternalToolError, match=r"pip install 'tablemap\[catalog\]'"),
+        pytest.raises(ExternalToolError, match=r"pip install 'rerun-sdk\[catalog\]'"),
         served_catalog(tmp_path),
     ):
         pass

@@ -24,6 +24,7 @@ from tablemap.stages.registration import Registration
 from tablemap.stages.segmentation import Segmentation
 from tablemap.stages.surface import Surface
 from tests.making import made_up_run as made_up
+from tests.making.reviews import columns, write
 
 STOPS = 8
 
@@ -44,15 +45,6 @@ def run() -> list[object]:
 def review(run: list[object], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Their review, at the standard level."""
     return write(tmp_path_factory.mktemp("review") / "run.rrd", run)
-
-
-def write(path: Path, run: list[object], level: str = "standard") -> Path:
-    """Write a review of results."""
-    config = ReviewConfig.model_validate({"level": level})
-    with Reviewer(path, run_id=path.parent.name, recording_name="made up", config=config) as record:
-        for one in run:
-            record(one)
-    return path
 
 
 def rows(path: Path) -> dict[str, int]:
@@ -328,16 +320,6 @@ def test_warnings_are_logged_once_at_their_time(review: Path) -> None:
     assert doubts == [5]
     dropped = [snapshot for snapshot, text in said if "pair 5 to 3 dropped" in text[0]]
     assert dropped == [5]
-
-
-def columns(path: Path, entity: str, name: str) -> list[list[object]]:
-    """The values of a component of an entity, row by row."""
-    found: list[list[object]] = []
-    for chunk in RrdReader(path).stream():
-        batch = chunk.to_record_batch()
-        if chunk.entity_path == entity and name in batch.schema.names:
-            found += batch.column(name).to_pylist()
-    return found
 
 
 def texts(path: Path, entity: str) -> list[list[object]]:

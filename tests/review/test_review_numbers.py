@@ -17,8 +17,7 @@ from tablemap.stages.outline import Outline
 from tablemap.stages.registration import Registration
 from tablemap.stages.segmentation import Segmentation
 from tests.making import made_up_run as made_up
-from tests.review.test_review_file import columns, write
-from tests.review.test_review_page import page
+from tests.making.reviews import columns, page, write
 
 SIGMA = re.compile(r"height[^\n]*?([0-9.]+) m (?:±|\+-) ([0-9.]+) mm")
 

@@ -9,13 +9,13 @@ from xml.etree import ElementTree
 
 import pytest
 
-from tablemap.archive.folder import Manifest, RecordingEntry
 from tablemap.events import RunFailed
 from tablemap.model import TableModel
 from tablemap.review.page.page import Page
 from tablemap.review.page.plan import plan
 from tablemap.stages.surface import Surface
 from tests.making import made_up_run as made_up
+from tests.making.reviews import manifest, page
 
 VOID = {"meta", "br"}
 
@@ -30,29 +30,6 @@ def run() -> list[object]:
 def model(run: list[object]) -> TableModel:
     """Its model."""
     return next(one for one in run if isinstance(one, TableModel))
-
-
-def manifest(path: str = "/laps/lap.mcap") -> Manifest:
-    """A run's manifest."""
-    return Manifest(
-        schema_name="tablemap/manifest/1",
-        run_id="20260101T000000-00000000",
-        recording=RecordingEntry(path=path, size=12, sha256="ab" * 32),
-        method="tablemap",
-        tables="best",
-        seed=0,
-        versions={"numpy": "2.0"},
-        started="2026-01-01T00:00:00+00:00",
-        timings={"snapshots": 1.25},
-    )
-
-
-def page(results: list[object], *, status: str = "ok", error: str | None = None) -> str:
-    """The page of a run's results."""
-    kept = Page()
-    for one in results:
-        kept(one)
-    return kept.html(manifest(), status=status, error=error)
 
 
 class Balance(HTMLParser):

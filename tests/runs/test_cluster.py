@@ -201,7 +201,10 @@ def test_an_interruption_reaches_the_workers(address: str, tmp_path: Path) -> No
     ("code", "words"),
     [
         ("import sys; sys.modules['tablemap'] = None; " + WORKER, "no tablemap"),
-        ("import tablemap.archive.folder as f; f.PACKAGES = (); " + WORKER, "another tablemap"),
+        (
+            "import tablemap.archive.folder as f; f.__version__ = '0.0.0'; " + WORKER,
+            "another tablemap",
+        ),
     ],
     ids=["none", "another"],
 )
@@ -260,7 +263,7 @@ def test_the_command_says_what_is_wrong_with_a_cluster(
     assert "no workers" in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1, done.stderr
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(ExternalToolError, match=r"pip install 'tablemap\[cluster\]'"):
+    with pytest.raises(ExternalToolError, match="pip install distributed"):
         CliRunner().invoke(app, [*command, address], catch_exceptions=False)
     assert CliRunner().invoke(app, [*command, address, "--jobs", "2"]).exit_code == 2
     assert not (tmp_path / "runs").exists()

@@ -1,0 +1,54 @@
+"""Reviews and pages of made-up runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rerun.chunk import RrdReader
+
+from tablemap.archive.folder import Manifest, RecordingEntry
+from tablemap.config import ReviewConfig
+from tablemap.review import Reviewer
+from tablemap.review.page.page import Page
+
+
+def write(path: Path, run: list[object], level: str = "standard") -> Path:
+    """Write a review of results."""
+    config = ReviewConfig.model_validate({"level": level})
+    with Reviewer(path, run_id=path.parent.name, recording_name="made up", config=config) as record:
+        for one in run:
+            record(one)
+    return path
+
+
+def columns(path: Path, entity: str, name: str) -> list[list[object]]:
+    """The values of a component of an entity, row by row."""
+    found: list[list[object]] = []
+    for chunk in RrdReader(path).stream():
+        batch = chunk.to_record_batch()
+        if chunk.entity_path == entity and name in batch.schema.names:
+            found += batch.column(name).to_pylist()
+    return found
+
+
+def manifest(path: str = "/laps/lap.mcap") -> Manifest:
+    """A run's manifest."""
+    return Manifest(
+        schema_name="tablemap/manifest/1",
+        run_id="20260101T000000-00000000",
+        recording=RecordingEntry(path=path, size=12, sha256="ab" * 32),
+        method="tablemap",
+        tables="best",
+        seed=0,
+        versions={"numpy": "2.0"},
+        started="2026-01-01T00:00:00+00:00",
+        timings={"snapshots": 1.25},
+    )
+
+
+def page(results: list[object], *, status: str = "ok", error: str | None = None) -> str:
+    """The page of a run's results."""
+    kept = Page()
+    for one in results:
+        kept(one)
+    return kept.html(manifest(), status=status, error=error)
