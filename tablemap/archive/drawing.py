@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from xml.sax.saxutils import escape
 
 from tablemap.errors import TablemapError
 from tablemap.files import write_whole
 from tablemap.model import TableLeg, TableModel
 from tablemap.model.shapes import shape_named
 from tablemap.paths import AnyPath, as_path
+from tablemap.words import escape
 
 COLOURS = ("#1f6fb4", "#d1581b")
 MARGIN = 0.25  # metres round both tables

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from tablemap.cli.commands import Commands, Debug, show_tracebacks
+from tablemap.cli.printing import complain, say
 from tablemap.errors import ConfigError, TablemapError
 from tablemap.version import __version__
 
@@ -41,7 +42,7 @@ def main() -> None:
     except SystemExit as end:
         sys.exit(143 if terminated and end.code == 130 else end.code)
     except Exception as error:
-        typer.echo(f"tablemap: {_sentence(error)}", err=True)
+        complain(_sentence(error))
         sys.exit(2 if isinstance(error, ConfigError) else 1)
 
 
@@ -60,7 +61,7 @@ def _sentence(error: Exception) -> str:
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"tablemap {__version__}")
+        say(f"tablemap {__version__}")
         raise typer.Exit
 
 

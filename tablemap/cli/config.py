@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from tablemap.cli.options import ConfigFile, Json, Settings
+from tablemap.cli.printing import say
 
 
 def config(
@@ -37,10 +38,10 @@ def config(
             "truth": document_schema(Truth, TRUTH_SCHEMA, mode="validation"),
             "manifest": document_schema(Manifest, MANIFEST_SCHEMA, mode="serialization"),
         }
-        typer.echo(json.dumps(schemas, indent=1))
+        say(json.dumps(schemas, indent=1))
         return
     resolved = load_config(file, overrides=settings or ())
     if as_json:
-        typer.echo(json.dumps(resolved.model_dump(mode="json"), indent=1))
+        say(json.dumps(resolved.model_dump(mode="json"), indent=1))
     else:
-        typer.echo(explain_config(resolved), nl=False)
+        say(explain_config(resolved), nl=False)

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from tablemap.cli.options import ConfigFile, End, Json, Settings, Start, window
-from tablemap.cli.printing import stderr_console
+from tablemap.cli.printing import complain, say, stderr_console
 
 
 def convert(
@@ -38,7 +38,7 @@ def convert(
 
     resolved = load_config(config, overrides=[*(settings or ()), *window(start, end)])
     console = stderr_console()
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
     hidden = quiet or not console.is_terminal
     with Progress(*columns, console=console, transient=True, disable=hidden) as bar:
         task = bar.add_task(output.name, total=1.0)
@@ -57,11 +57,11 @@ def convert(
             "topics": done.topics,
             "warnings": [{"code": each.code, "message": each.message} for each in done.warnings],
         }
-        typer.echo(json.dumps(document, indent=1))
+        say(json.dumps(document, indent=1))
         return
     if not quiet:
         for warning in done.warnings:
-            typer.echo(f"warning: {warning.code}: {warning.message}", err=True)
+            complain(f"{warning.code}: {warning.message}", kind="warning")
         for topic, count in sorted(done.topics.items()):
-            typer.echo(f"{count:8} {topic}", err=True)
-        typer.echo(f"{done.path} ({done.size_bytes / 1e6:.1f} MB)")
+            say(f"{count:8} {topic}", err=True)
+        say(f"{done.path} ({done.size_bytes / 1e6:.1f} MB)")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from tablemap.cli.options import ConfigFile, Json, Settings
-from tablemap.cli.printing import stderr_console
+from tablemap.cli.printing import say, stderr_console
 
 if TYPE_CHECKING:
     from tablemap.evaluation.aggregate import RunScore
@@ -83,14 +83,14 @@ def evaluate(
         used = () if paths else tuple(range(first_seed, first_seed + seeds))
         evaluation = suites.Evaluation(name, used, tuple(scored))
         suites.save(evaluation, output)
-        typer.echo(f"scores in {output}", err=True)
+        say(f"scores in {output}", err=True)
     if as_json:
-        typer.echo(json.dumps(evaluation.figures(), indent=1))
+        say(json.dumps(evaluation.figures(), indent=1))
     elif tables:
         for title, rows in report_tables(evaluation.runs).items():
-            typer.echo(f"{title}\n\n{markdown(rows)}")
+            say(f"{title}\n\n{markdown(rows)}")
     else:
-        typer.echo(markdown(score_rows(evaluation.figures())))
+        say(markdown(score_rows(evaluation.figures())))
 
 
 @contextmanager

@@ -10,6 +10,7 @@ import typer
 from typer.core import TyperCommand
 
 from tablemap.cli.options import ConfigFile, Json
+from tablemap.cli.printing import complain, say
 
 
 class ListsFormats(TyperCommand):
@@ -61,10 +62,10 @@ def export(
     resolved = load_config(config, overrides=overrides).export
     exported = export_run(run, formats, output=output, config=resolved)
     for warning in exported.warnings:
-        typer.echo(f"warning: {warning.code}: {warning.message}", err=True)
+        complain(f"{warning.code}: {warning.message}", kind="warning")
     files = [str(file) for file in exported.files]
     if as_json:
         entries = [{"code": w.code, "message": w.message} for w in exported.warnings]
-        typer.echo(json.dumps({"files": files, "warnings": entries}, indent=1))
+        say(json.dumps({"files": files, "warnings": entries}, indent=1))
     else:
-        typer.echo("\n".join(files))
+        say("\n".join(files))

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tablemap.cli.options import End, Json, Start, window
+from tablemap.cli.printing import say
+from tablemap.words import shown
 
 if TYPE_CHECKING:
     from tablemap.recording import RecordingInfo
@@ -34,9 +36,9 @@ def info(
     config = load_config(overrides=[*(settings or ()), *window(start, end)])
     found = inspect(recording, topics=config.topics, limits=config.limits)
     if as_json:
-        typer.echo(json.dumps(found.to_dict(), indent=1))
+        say(json.dumps(found.to_dict(), indent=1))
     else:
-        typer.echo("\n".join(_info_lines(found)))
+        say("\n".join(map(shown, _info_lines(found))))
     if check and found.missing:
         raise typer.Exit(1)
 
@@ -48,7 +50,8 @@ def _info_lines(found: RecordingInfo) -> Iterator[str]:
     megabytes = found.size_bytes / 1e6
     yield f"{found.path}: {megabytes:.1f} MB, {found.messages} messages, {found.profile}"
     yield f"{start:%Y-%m-%d %H:%M:%S} UTC, {found.duration_s:.1f} s"
-    yield "\ntopics"
+    yield ""
+    yield "topics"
     for topic in sorted(found.topics, key=lambda topic: (topic.role is None, topic.name)):
         rate = "" if topic.rate_hz is None else f" at {topic.rate_hz:.1f} Hz"
         detail = f"; {topic.detail}" if topic.detail else ""
@@ -56,7 +59,8 @@ def _info_lines(found: RecordingInfo) -> Iterator[str]:
         yield f"  {'':<12} {topic.count}{rate}, {topic.schema}{detail}"
         if topic.problem:
             yield f"  {'':<12} {topic.problem}"
-    yield "\nframes" + (" (sampled)" if found.frames_sampled else "")
+    yield ""
+    yield "frames" + (" (sampled)" if found.frames_sampled else "")
     yield from (f"  {line}" for line in found.tree_lines())
     if roles := found.frame_roles:
         yield f"  fixed: {roles.fixed}, odometry: {roles.odom or 'none'}, base: {roles.base}"

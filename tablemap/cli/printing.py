@@ -6,6 +6,10 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import typer
+
+from tablemap.words import shown, shown_lines
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -14,11 +18,28 @@ if TYPE_CHECKING:
     from tablemap.runs.running import Outcome
 
 
-def stderr_console() -> Console:
-    """Return a console for people, without colour where stderr is no terminal."""
+def say(words: object, *, err: bool = False, nl: bool = True) -> None:
+    """Print on stdout, or on stderr; what moves a terminal's cursor stands as an escape."""
+    typer.echo(shown_lines(words), err=err, nl=nl)
+
+
+def complain(words: object, *, kind: str = "tablemap") -> None:
+    """Print one sentence on stderr, in one line whatever is quoted in it."""
+    say(f"{kind}: {shown(words)}", err=True)
+
+
+def stdout_console() -> Console:
+    """Return a console for people, without colour where stdout is no terminal, nor markup."""
     from rich.console import Console
 
-    return Console(stderr=True, highlight=False)
+    return Console(highlight=False, markup=False, emoji=False)
+
+
+def stderr_console() -> Console:
+    """Return a console for people, without colour where stderr is no terminal, nor markup."""
+    from rich.console import Console
+
+    return Console(stderr=True, highlight=False, markup=False, emoji=False)
 
 
 def outcome_line(outcome: Outcome, address: Callable[[Path], str] = str) -> dict[str, object]:
@@ -94,7 +115,7 @@ def metres_text(value: float | None) -> str:
 
 def aligned(rows: Iterable[Sequence[str]]) -> str:
     """Return rows of text as columns; the last column is not padded."""
-    lines = [tuple(row) for row in rows]
+    lines = [tuple(map(shown, row)) for row in rows]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     return "\n".join(
         "  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip()
@@ -122,22 +143,22 @@ def print_model(
 
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     for name, text in summary_rows(model):
-        table.add_row(name, text)
+        table.add_row(name, shown(text))
     for name, text in other_rows(others):
-        table.add_row(name, text)
+        table.add_row(name, shown(text))
     for note in notes(model):
-        table.add_row("note", note)
+        table.add_row("note", shown(note))
     console.print(table)
     console.print()
     print_left(run, console=console)
     if model.verdict.level != "good":
         console.print(f"\n{model.verdict.level} because:")
         for doubt in doubts(model):
-            console.print(f"  {doubt}", soft_wrap=True)
+            console.print(f"  {shown(doubt)}", soft_wrap=True)
 
 
 def print_left(run: Path | str, *, console: Console) -> None:
     """Print which folder a run left, and how to look at one that is on this machine."""
-    console.print(f"run      {run}", soft_wrap=True)
+    console.print(f"run      {shown(run)}", soft_wrap=True)
     if isinstance(run, Path):
-        console.print(f"open it  tablemap view {run}", soft_wrap=True)
+        console.print(f"open it  tablemap view {shown(run)}", soft_wrap=True)

@@ -11,16 +11,20 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from tablemap import words
 from tablemap.cli.options import ConfigFile, End, Settings, Start, window
 from tablemap.cli.printing import (
     aligned,
+    complain,
     doubt_lines,
     exit_code,
     outcome_line,
     outcome_rows,
     print_left,
     print_model,
+    say,
     stderr_console,
+    stdout_console,
 )
 from tablemap.errors import TablemapError
 
@@ -127,28 +131,26 @@ def process(
             if run:
                 complete &= _publish(place, run)
             if as_json:
-                typer.echo(json.dumps(outcome_line(outcome, place.address)))
+                say(json.dumps(outcome_line(outcome, place.address)))
             elif outcome.error and outcome.status == "failed":
-                typer.echo(f"tablemap: {outcome.error}", err=True)
+                complain(outcome.error)
             if run and not quiet and len(paths) == 1:
                 shown = place.address(run) if place.is_remote else run
                 _print_outcome(outcome, shown, as_json=as_json)
     if len(paths) > 1 and not quiet:
-        typer.echo(aligned(outcome_rows(outcomes, place.address)), err=as_json)
+        say(aligned(outcome_rows(outcomes, place.address)), err=as_json)
         for line in doubt_lines(outcomes):
-            typer.echo(line, err=as_json)
+            say(line, err=as_json)
     raise typer.Exit(exit_code(outcomes, strict=strict) if complete else 1)
 
 
 def _print_outcome(outcome: Outcome, run: Path | str, *, as_json: bool) -> None:
     """Print the only run's model, or where a failed one lies that got as far as a stage."""
-    from rich.console import Console
-
     if outcome.model:
-        console = stderr_console() if as_json else Console(highlight=False)
+        console = stderr_console() if as_json else stdout_console()
         print_model(outcome.model, run, console=console, others=outcome.others)
     elif outcome.run and outcome.run.manifest.timings and not as_json:
-        print_left(run, console=Console(highlight=False))
+        print_left(run, console=stdout_console())
 
 
 def _follow(*, live: bool) -> Follow:
@@ -159,7 +161,7 @@ def _follow(*, live: bool) -> Follow:
         try:
             start_viewer()
         except TablemapError as error:
-            typer.echo(f"warning: nothing is shown live: {error}", err=True)
+            complain(f"nothing is shown live: {error}", kind="warning")
         else:
             return followed
     return nullcontext
@@ -170,7 +172,7 @@ def _publish(place: Destination, run: Path) -> bool:
     try:
         place.publish(run)
     except TablemapError as error:
-        typer.echo(f"tablemap: {error}", err=True)
+        complain(error)
         return False
     return True
 
@@ -182,11 +184,11 @@ def _export_processed(run: Path, formats: list[str], config: Config, *, quiet: b
     try:
         exported = export_run(run, formats, config=config.export)
     except TablemapError as error:
-        typer.echo(f"tablemap: {error}", err=True)
+        complain(error)
         return False
     if not quiet:
         for warning in exported.warnings:
-            typer.echo(f"warning: {warning.code}: {warning.message}", err=True)
+            complain(f"{warning.code}: {warning.message}", kind="warning")
     return True
 
 
@@ -201,7 +203,7 @@ def _many(scheduler: str | None, jobs: int) -> Many | None:
         return partial(
             process_on_cluster,
             address=scheduler,
-            warn=lambda words: typer.echo(f"warning: {words}", err=True),
+            warn=partial(complain, kind="warning"),
         )
     if jobs > 1:
         from tablemap.runs import process_many
@@ -219,27 +221,39 @@ def _outcomes(
 
     waiting = []
     for recording in recordings:
-        held = None if again else done_already(recording, job)
+        try:
+            held = None if again else done_already(recording, job)
+        except TablemapError:  # what is wrong with it is said when it is processed
+            held = None
         if held is None:
             waiting.append(recording)
             continue
         if not quiet:
-            words = f"{recording} is done already; --again processes it once more"
-            typer.echo(words, err=True)
+            say(
+                f"{words.shown(recording)} is done already; --again processes it once more",
+                err=True,
+            )
         status: Literal["ok", "partial"] = "partial" if held.manifest.status == "partial" else "ok"
         yield Outcome(recording, held, status, held.manifest.error, held.model, held.others)
     if many and waiting:
         yield from _at_once(waiting, job, many, quiet=quiet)
         return
     for recording in waiting:
-        yield process_one(recording, partial(job, recording), quiet=quiet)
+        try:
+            yield process_one(recording, partial(job, recording), quiet=quiet)
+        except TablemapError:
+            raise  # of what was asked for, and so of every recording
+        except Exception as error:  # a defect met by one recording must not stop the others
+            if len(recordings) == 1:
+                raise
+            yield Outcome.of_defect(recording, error)
 
 
 def _at_once(recordings: list[Input], job: Job, many: Many, *, quiet: bool) -> Iterator[Outcome]:
     """Process with a bar on stderr that counts the recordings and names the current stages."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
+    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}", markup=False))
     console = stderr_console()
     hidden = quiet or not console.is_terminal
     with Progress(
@@ -248,7 +262,7 @@ def _at_once(recordings: list[Input], job: Job, many: Many, *, quiet: bool) -> I
         task = bar.add_task("", total=len(recordings))
 
         def progress(path: Input, stage: StageStarted) -> None:
-            bar.update(task, description=f"{path.name} {stage.name}")
+            bar.update(task, description=words.shown(f"{path.name} {stage.name}"))
 
         for outcome in many(recordings, job, progress):
             bar.advance(task)
@@ -285,9 +299,9 @@ def _progress(name: str) -> Iterator[Callable[[str, int], None]]:
     from tablemap.pipeline import STAGES
 
     columns = (
-        TextColumn("{task.fields[recording]}"),
+        TextColumn("{task.fields[recording]}", markup=False),
         BarColumn(),
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
     )
     console = stderr_console()
     with Progress(
@@ -297,5 +311,5 @@ def _progress(name: str) -> Iterator[Callable[[str, int], None]]:
         transient=True,
         disable=not console.is_terminal,
     ) as bar:
-        task = bar.add_task("opening", total=len(STAGES), recording=name)
+        task = bar.add_task("opening", total=len(STAGES), recording=words.shown(name))
         yield lambda stage, index: bar.update(task, description=stage, completed=index)

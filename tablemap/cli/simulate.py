@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import typer
 
 from tablemap.cli.options import Json
+from tablemap.cli.printing import say
 
 
 def simulate(
@@ -34,7 +35,7 @@ def simulate(
 
     if listing:
         names = scenario_names()
-        typer.echo(json.dumps(list(names)) if as_json else "\n".join(names))
+        say(json.dumps(list(names)) if as_json else "\n".join(names))
         return
     if not scenario or output is None:
         raise typer.BadParameter("give a SCENARIO and --output FILE, or --list.")
@@ -42,4 +43,4 @@ def simulate(
     write(world, output, profile=profile)
     truth = output.with_name(f"{output.stem}.truth.json")
     document = {"recording": str(output), "truth": str(truth)}
-    typer.echo(json.dumps(document) if as_json else output)
+    say(json.dumps(document) if as_json else output)

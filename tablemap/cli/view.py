@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from tablemap.cli.options import Json
+from tablemap.cli.printing import complain, say
 
 _MOST_PIXELS = 8192  # a side, of what drivers draw
 
@@ -61,21 +62,21 @@ def view(
         raise typer.BadParameter(f"--still writes a .png, found {picture.name}.")
     pixels = _pixels(size or "1000x700")
     if not viewer.is_whole(viewer.review_file(run)):
-        typer.echo("The run was killed or goes on: this shows what it has written.", err=True)
+        say("The run was killed or goes on: this shows what it has written.", err=True)
     if picture:
         from tablemap.review.viewer.still import still
 
         for problem in still(run, picture, tab=tab or "Overview", size=pixels):
-            typer.echo(f"warning: {problem}", err=True)
-        typer.echo(json.dumps({"picture": str(picture)}) if as_json else picture)
+            complain(problem, kind="warning")
+        say(json.dumps({"picture": str(picture)}) if as_json else picture)
     elif web:
         with viewer.served(run) as (url, server):
-            typer.echo(json.dumps({"url": url}) if as_json else url)
+            say(json.dumps({"url": url}) if as_json else url)
             server.wait()
     else:
         opened = viewer.open_viewer(run)
         if as_json:
-            typer.echo(json.dumps({"pid": opened.pid}))
+            say(json.dumps({"pid": opened.pid}))
 
 
 def _pixels(size: str) -> tuple[int, int]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from html import escape
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from tablemap.evaluation.aggregate import RunScore
 from tablemap.evaluation.published import PUBLISHED
 from tablemap.model.shapes import CIRCLE, PARALLELOGRAM, SHAPES
+from tablemap.words import escape
 
 Rows = list[list[str]]
 

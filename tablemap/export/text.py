@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from xml.etree import ElementTree
 
+from tablemap.words import shown, shown_lines
+
 DECIMALS = 6
 ANGLE_DECIMALS = 9
 
@@ -35,6 +37,10 @@ def child(
 
 def xml_bytes(root: ElementTree.Element) -> bytes:
     """Return an indented document."""
+    for element in root.iter():
+        # XML has no way to hold what moves a terminal's cursor; names of frames may.
+        element.text = element.text and shown_lines(element.text)
+        element.attrib.update({name: shown(value) for name, value in element.attrib.items()})
     ElementTree.indent(root)
     text = ElementTree.tostring(root, encoding="unicode")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()

@@ -10,11 +10,14 @@ import typer
 
 from tablemap.cli.options import Json
 from tablemap.cli.printing import (
+    complain,
     exit_code,
     outcome_line,
     print_left,
     print_model,
+    say,
     stderr_console,
+    stdout_console,
 )
 from tablemap.cli.process import process_one
 from tablemap.cli.runs.app import Run, Runs, runs_app
@@ -38,8 +41,6 @@ def reprocess(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors alone.")] = False,
 ) -> None:
     """Process a RUN's recording again by its own settings, but for what is changed."""
-    from rich.console import Console
-
     from tablemap.archive import load_run
     from tablemap.runs.running import reprocess as process_again
 
@@ -52,13 +53,13 @@ def reprocess(
         quiet=quiet,
     )
     if as_json:
-        typer.echo(json.dumps(outcome_line(outcome)))
+        say(json.dumps(outcome_line(outcome)))
     elif outcome.status == "failed":
-        typer.echo(f"tablemap: {outcome.error}", err=True)
+        complain(outcome.error)
         if outcome.run and not quiet:
-            print_left(outcome.run.path, console=Console(highlight=False))
+            print_left(outcome.run.path, console=stdout_console())
     if outcome.model and outcome.run and not quiet:
-        console = stderr_console() if as_json else Console(highlight=False)
+        console = stderr_console() if as_json else stdout_console()
         path, others = outcome.run.path, outcome.others
         print_model(outcome.model, path, console=console, others=others)
     raise typer.Exit(exit_code([outcome], strict=strict))
@@ -101,9 +102,9 @@ def prune_(
     if yes:
         prune(folder, going)
     if as_json:
-        typer.echo(json.dumps({"removed": yes, "runs": [row.path for row in going]}, indent=1))
+        say(json.dumps({"removed": yes, "runs": [row.path for row in going]}, indent=1))
         return
     for row in going:
-        typer.echo(folder / row.path)
+        say(folder / row.path)
     said = "removed" if yes else "would go; --yes removes them"
-    typer.echo(f"{len(going)} run{'' if len(going) == 1 else 's'} {said}", err=True)
+    say(f"{len(going)} run{'' if len(going) == 1 else 's'} {said}", err=True)

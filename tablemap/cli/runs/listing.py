@@ -11,11 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tablemap.cli.options import Json
-from tablemap.cli.printing import (
-    aligned,
-    metres_text,
-    size_text,
-)
+from tablemap.cli.printing import aligned, metres_text, say, size_text
 from tablemap.cli.runs.app import Runs, runs_app
 
 if TYPE_CHECKING:
@@ -71,13 +67,13 @@ def list_(
     ).of(list_runs(folder))
     if as_json:
         lines = ",\n".join(json.dumps(row.to_dict()) for row in rows)
-        typer.echo(f"[\n{lines}\n]" if rows else "[]")
+        say(f"[\n{lines}\n]" if rows else "[]")
     elif as_csv:
         _print_csv(rows)
     elif rows:
-        typer.echo(aligned(_run_rows(rows)))
+        say(aligned(_run_rows(rows)))
     else:
-        typer.echo(f"no such run in {folder}", err=True)
+        say(f"no such run in {folder}", err=True)
 
 
 def _run_rows(rows: Sequence[RunRow]) -> Iterator[tuple[str, ...]]:

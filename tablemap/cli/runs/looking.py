@@ -10,11 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tablemap.cli.options import Json
-from tablemap.cli.printing import (
-    aligned,
-    metres_text,
-    other_rows,
-)
+from tablemap.cli.printing import aligned, complain, metres_text, other_rows, say
 from tablemap.cli.runs.app import Run, runs_app
 from tablemap.errors import TablemapError
 
@@ -39,7 +35,7 @@ def show(run: Run, as_json: Json = False) -> None:
             "manifest": manifest.model_dump(mode="json", by_alias=True),
             "model": json.loads(model.to_json()) if model else None,
         }
-        typer.echo(json.dumps(document, indent=1))
+        say(json.dumps(document, indent=1))
         return
     rows = [
         ("run", str(folder.path)),
@@ -56,7 +52,7 @@ def show(run: Run, as_json: Json = False) -> None:
         *([("because", doubt) for doubt in doubts(model)] if model else []),
         *([("note", note) for note in notes(model)] if model else []),
     ]
-    typer.echo(aligned(rows))
+    say(aligned(rows))
 
 
 @runs_app.command()
@@ -83,16 +79,16 @@ def compare(
             for kind, found in apart.items()
         }
         document = {"a": str(a.path), "b": str(b.path), **compared.to_dict(), **conditions}
-        typer.echo(json.dumps(document, indent=1))
+        say(json.dumps(document, indent=1))
     else:
-        typer.echo(aligned(_comparison_rows(compared)))
+        say(aligned(_comparison_rows(compared)))
         for kind, found in apart.items():
             if found:
                 rows = [(name, str(first), str(second)) for name, (first, second) in found.items()]
-                typer.echo("\n" + aligned([(kind, "A", "B"), *rows]))
+                say("\n" + aligned([(kind, "A", "B"), *rows]))
     if output:
         for file in _draw(a, b, output):
-            typer.echo(file, err=True)
+            say(file, err=True)
 
 
 def _settings_apart(a: RunFolder, b: RunFolder) -> Apart:
@@ -102,7 +98,7 @@ def _settings_apart(a: RunFolder, b: RunFolder) -> Apart:
     try:
         return settings_apart(a, b)
     except TablemapError as error:
-        typer.echo(f"warning: the settings are not compared: {error}", err=True)
+        complain(f"the settings are not compared: {error}", kind="warning")
         return {}
 
 
@@ -177,9 +173,9 @@ def verify(
         failed |= not all(check.passed for check in checks)
         if as_json:
             document = {"run": str(run.path), "checks": [asdict(check) for check in checks]}
-            typer.echo(json.dumps(document))
+            say(json.dumps(document))
         else:
-            typer.echo(run.path)
+            say(run.path)
             rows = [(f"  {each.outcome}", each.name, each.detail or "") for each in checks]
-            typer.echo(aligned(rows))
+            say(aligned(rows))
     raise typer.Exit(1 if failed else 0)

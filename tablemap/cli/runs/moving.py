@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from tablemap.cli.options import Json
+from tablemap.cli.printing import complain, say
 from tablemap.cli.runs.app import Run, Runs, runs_app
 
 
@@ -27,7 +28,7 @@ def pack_(
     from tablemap.archive.packing import pack
 
     file = pack(run, output, with_input=with_input)
-    typer.echo(json.dumps({"file": str(file)}) if as_json else file)
+    say(json.dumps({"file": str(file)}) if as_json else file)
 
 
 @runs_app.command("unpack")
@@ -42,7 +43,7 @@ def unpack_(
     from tablemap.archive.packing import unpack
 
     run = unpack(file, output)
-    typer.echo(json.dumps({"run": str(run.path)}) if as_json else run.path)
+    say(json.dumps({"run": str(run.path)}) if as_json else run.path)
 
 
 @runs_app.command("serve")
@@ -63,16 +64,16 @@ def serve_(
 
     with served_catalog(folder, host=host, port=port) as catalog:
         for note in catalog.notes:
-            typer.echo(f"note: {note}", err=True)
+            complain(note, kind="note")
         if as_json:
             document = {"url": catalog.url, "dataset": DATASET, "runs": catalog.runs}
-            typer.echo(json.dumps(document))
+            say(json.dumps(document))
         else:
-            typer.echo(catalog.url)
+            say(catalog.url)
         runs = f"{catalog.runs} run{'' if catalog.runs == 1 else 's'}"
         words = f"{runs}; open them with: rerun {catalog.url}; or ask in Python:"
-        typer.echo(words, err=True)
+        say(words, err=True)
         code = f'CatalogClient("{catalog.url}").get_dataset("{DATASET}").segment_table()'
-        typer.echo(f"  from rerun.catalog import CatalogClient\n  {code}", err=True)
+        say(f"  from rerun.catalog import CatalogClient\n  {code}", err=True)
         sys.stdout.flush()
         threading.Event().wait()

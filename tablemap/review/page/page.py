@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from html import escape
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from tablemap.model.summary import summary_rows
 from tablemap.review.page.plan import plan
 from tablemap.review.page.plots import histogram, unrolled, variance_bars
 from tablemap.stages.surface import Surface
+from tablemap.words import escape
 
 STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; color: #1c1c20; margin: 2em auto; max-width: 60em;

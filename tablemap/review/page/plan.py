@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from html import escape
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from tablemap.geometry import Floats, Pose2
 from tablemap.model import Figure, TableLeg, TableModel
 from tablemap.model.shapes import shape_named
 from tablemap.review.text import from_one_place, numbered
+from tablemap.words import escape
 
 STATUS = {
     "measured": ("#1b7a36", "none"),
