@@ -6,8 +6,12 @@ Every file is written under a temporary name and then renamed, so that a file is
 from __future__ import annotations
 
 import hashlib
+import os
 import platform
 import secrets
+import shutil
+from collections.abc import Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -16,6 +20,7 @@ from typing import TYPE_CHECKING, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from tablemap.archive.liveness import Writer, is_alive
 from tablemap.config import Config, load_config
 from tablemap.errors import TablemapError
 from tablemap.events import OtherTable
@@ -24,6 +29,7 @@ from tablemap.inputs import AnyInput, Input, sha256
 from tablemap.model import TableModel
 from tablemap.paths import AnyPath, as_path
 from tablemap.version import __version__
+from tablemap.words import safe_name, shown_path
 
 if TYPE_CHECKING:
     from tablemap.stages.odometry import Trajectory
@@ -45,6 +51,12 @@ ADDED = ("exports/", "input/")
 """Folders of a run for files that are added after its end."""
 
 Status = Literal["running", "ok", "partial", "failed", "interrupted"]
+MANIFEST, MODEL, TABLES = "manifest.json", "table.json", "tables"
+LATEST = "latest"
+RESERVE = ".reserve"
+RESERVED_BYTES = 64 * 1024
+"""What is kept free for the last files of a run: its manifest and its page."""
+
 LEAVE_A_MODEL: tuple[Status, ...] = ("ok", "partial")
 
 
@@ -55,7 +67,9 @@ class RecordingEntry(BaseModel):
     are the further files of a drive that has several; size and hash are those of all files.
     """
 
-    path: str = Field(description="the recording, as it was given or found")
+    path: str = Field(
+        description="the recording, as it was given or found; bytes that are no text as escapes"
+    )
     size: int | None = Field(description="bytes of all parts; null where one is no local file")
     sha256: str | None = Field(
         description="of the bytes of all parts; null until they were read to their end, or where "
@@ -64,11 +78,28 @@ class RecordingEntry(BaseModel):
     together: tuple[str, ...] = Field(
         default=(), description="the further places of a drive that has several"
     )
+    raw: tuple[str, ...] = Field(
+        default=(), description="the bytes of all places in hexadecimal, where they are no text"
+    )
+
+    @staticmethod
+    def of(recording: Input) -> RecordingEntry:
+        """Return the entry of a recording whose bytes have not been read yet."""
+        places = recording.resolved().places
+        first, *others = map(shown_path, places)
+        raw = () if [first, *others] == list(places) else [os.fsencode(p).hex() for p in places]
+        return RecordingEntry(
+            path=first, size=recording.size(), sha256=None, together=tuple(others), raw=tuple(raw)
+        )
 
     @property
     def input(self) -> Input:
         """All files of the input, as they were read."""
-        return Input((self.path, *self.together))
+        try:
+            places = tuple(os.fsdecode(bytes.fromhex(place)) for place in self.raw)
+        except ValueError:
+            places = ()
+        return Input(places or (self.path, *self.together))
 
 
 class Manifest(BaseModel):
@@ -97,6 +128,9 @@ class Manifest(BaseModel):
         description="date and time in UTC, ISO 8601; null while it runs",
     )
     timings: dict[str, float] = Field(default={}, description="seconds of wall time, by stage")
+    writer: Writer | None = Field(
+        default=None, description="the process that writes the run; null in older manifests"
+    )
     status: Status = Field(
         default="running",
         description="running; ok; partial: a model, with a loss on the way; failed; interrupted",
@@ -125,6 +159,8 @@ class RunFolder:
     def __init__(self, path: Path, manifest: Manifest) -> None:
         self.path = path
         self.manifest = manifest
+        self._made: tuple[int, int] | None = None
+        self._written: dict[str, str] = {}
 
     def __fspath__(self) -> str:
         return str(self.path)
@@ -141,48 +177,116 @@ class RunFolder:
         tables: Literal["best", "all"] | tuple[float, float],
         config: Config,
     ) -> RunFolder:
-        """Make a new folder that no other run has, its manifest saying ``running``."""
+        """Make a new folder that no other run has, its manifest saying ``running``.
+
+        Some room is taken on the disk, so that how the run ends can be written when it is full.
+        """
         now = datetime.now(UTC)
         run_id = f"{now:%Y%m%dT%H%M%S}-{secrets.token_hex(4)}"
         recording = Input.of(recording)
-        path = output / recording.stem / run_id
-        try:
-            path.mkdir(parents=True)
-        except OSError as error:
-            raise TablemapError(
-                f"the run folder cannot be made ({error.strerror}); choose another --output: {path}"
-            ) from error
-        first, *others = recording.resolved().places
+        path = output / safe_name(recording.stem) / run_id
+        _check_latest(path.parent / LATEST)
         manifest = Manifest(
             run_id=run_id,
-            recording=RecordingEntry(
-                path=first, size=recording.size(), sha256=None, together=tuple(others)
-            ),
+            recording=RecordingEntry.of(recording),
             method=method,
             tables=tables,
             seed=config.seed,
             versions=versions(),
             started=now.isoformat(timespec="seconds"),
+            writer=Writer.this(),
         )
         folder = RunFolder(path, manifest)
-        folder.update()
+        try:
+            path.mkdir(parents=True)
+            folder._made = _identity(path)
+            folder.update()
+            (path / RESERVE).write_bytes(secrets.token_bytes(RESERVED_BYTES))
+        except BaseException as error:
+            shutil.rmtree(path, ignore_errors=True)
+            if not isinstance(error, OSError):
+                raise
+            raise TablemapError(
+                f"the run folder cannot be made ({error.strerror}); choose another --output: {path}"
+            ) from error
         return folder
 
     def update(self, **changes: object) -> None:
         """Change the manifest's fields and write it."""
         self.manifest = self.manifest.model_copy(update=changes)
-        self.write("manifest.json", self.manifest.model_dump_json(by_alias=True, indent=1) + "\n")
+        text = self.manifest.model_dump_json(by_alias=True, indent=1) + "\n"
+        try:
+            self.write(MANIFEST, text)
+        except TablemapError:
+            # Where there is no room for another file, there is that of the one that is there.
+            if not self._overwrite(text.encode()):
+                raise
 
-    def finish(self, status: Status, *, error: str | None = None) -> None:
-        """Write how the run ended; if it left a model, ``latest`` points to it."""
+    def finish(
+        self, status: Status, *, error: str | None = None, streamed: Sequence[str] = ()
+    ) -> None:
+        """Write how the run ended; ``latest`` names it if it left a model, else it has none.
+
+        ``streamed`` names files that others wrote into the folder, and that belong to the run.
+        Raises `TablemapError` where the run is to leave a model and not all that was written is
+        there as it was written.
+        """
+        with suppress(OSError):
+            (self.path / RESERVE).unlink(missing_ok=True)
+        found = self.hashes()
+        if status in LEAVE_A_MODEL:
+            self._check_whole(found, streamed)
+        else:
+            found = {name: digest for name, digest in found.items() if not self._drop(name)}
         finished = datetime.now(UTC).isoformat(timespec="seconds")
-        self.update(status=status, error=error, finished=finished, files=self.hashes())
+        self.update(status=status, error=error, finished=finished, files=found)
         if status in LEAVE_A_MODEL:
             self.become_latest()
 
+    def _check_there(self) -> None:
+        """Raise `TablemapError` where the folder is not the one that was made for the run."""
+        if self._made is not None and _identity(self.path) != self._made:
+            raise TablemapError(
+                "the run folder was removed, renamed or replaced while the run wrote it; run it "
+                f"again and leave its folder alone: {self.path}"
+            )
+
+    def _check_whole(self, found: dict[str, str], streamed: Sequence[str]) -> None:
+        self._check_there()
+        wrong = [name for name, digest in self._written.items() if found.get(name) != digest]
+        wrong += [name for name in streamed if name not in found]
+        if wrong:
+            raise TablemapError(
+                f"files of the run vanished or changed while it went on ({', '.join(wrong)}); run "
+                f"it again and leave its folder alone: {self.path}"
+            )
+
+    def _drop(self, name: str) -> bool:
+        """Remove a file if it is a model, and tell whether it was one."""
+        is_model = name == MODEL or name.startswith(f"{TABLES}/")
+        if is_model:
+            with suppress(OSError):
+                (self.path / name).unlink(missing_ok=True)
+            with suppress(OSError):
+                (self.path / TABLES).rmdir()
+        return is_model
+
+    def _overwrite(self, text: bytes) -> bool:
+        """Write the manifest into the bytes that it has; tell whether that could be."""
+        try:
+            self._check_there()
+            with (self.path / MANIFEST).open("r+b") as stream:
+                stream.write(text)
+                stream.truncate()
+                stream.flush()
+                os.fsync(stream.fileno())
+        except (OSError, TablemapError):
+            return False
+        return True
+
     def become_latest(self) -> None:
         """Let the recording's ``latest`` point to this run."""
-        link = self.path.parent / "latest"
+        link = self.path.parent / LATEST
         temporary = self.path.parent / f".latest-{self.path.name}"
         try:
             temporary.unlink(missing_ok=True)
@@ -196,15 +300,20 @@ class RunFolder:
         found = {}
         for file in sorted(self.path.rglob("*")):
             name = file.relative_to(self.path).as_posix()
-            if file.is_file() and name != "manifest.json" and not name.startswith(ADDED):
-                found[name] = sha256(file)
+            hidden = any(part.startswith(".") for part in name.split("/"))
+            if name == MANIFEST or hidden or name.startswith(ADDED) or not file.is_file():
+                continue
+            found[name] = sha256(file)
         return found
 
     def write(self, name: str, text: str) -> Path:
         """Write a text file of the run, completely or not at all."""
         file = self.path / name
+        self._check_there()
         try:
             write_whole(file, text)
+            if name != MANIFEST:
+                self._written[name] = hashlib.sha256(text.encode()).hexdigest()
         except OSError as error:
             raise TablemapError(
                 f"a result cannot be written ({error.strerror}); free some space or choose another "
@@ -213,9 +322,21 @@ class RunFolder:
         return file
 
     @property
+    def is_dead(self) -> bool:
+        """Whether the run is said to go on, and the process that wrote it is gone."""
+        return self.manifest.status == "running" and not is_alive(self.path, self.manifest.writer)
+
+    @property
     def model(self) -> TableModel:
-        """The run's chosen table. Raises `TablemapError` if the run left none."""
+        """The run's chosen table. Raises `TablemapError` where the run left none, or goes on."""
+        self.check_ended()
         return TableModel.load(self.path)
+
+    def check_ended(self) -> None:
+        """Raise `TablemapError` where the run has not come to an end."""
+        if self.manifest.status == "running":
+            why = "was killed" if self.is_dead else "goes on"
+            raise TablemapError(f"expected a finished run, found one that {why}: {self.path}")
 
     @property
     def others(self) -> tuple[OtherTable, ...]:
@@ -227,6 +348,23 @@ class RunFolder:
     def config(self) -> Config:
         """Every setting of the run. Raises `ConfigError` if its file is gone or damaged."""
         return load_config(self.path / "config.toml")
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino
+
+
+def _check_latest(link: Path) -> None:
+    """Raise `TablemapError` where something stands in the way of what names the last run."""
+    if link.exists() and not link.is_symlink():
+        raise TablemapError(
+            "expected a link that names the last run, found a file or folder of that name; move "
+            f"it away or choose another --output: {link}"
+        )
 
 
 def load_run(run: AnyPath) -> RunFolder:

@@ -33,7 +33,8 @@ class RunRow(NamedTuple):
     """One run in a list (a tuple, since thousands of them are made at once).
 
     - ``path``: relative to the folder of runs, ``<recording>/<run>``
-    - ``status``: the manifest's, or ``damaged`` if it cannot be read
+    - ``status``: the manifest's; ``dead`` if that is ``running`` and its process is gone;
+      ``damaged`` if it cannot be read
     - ``shape``, ``verdict``: None without a model
     - ``figures``: all numbers by name, in metres, radians and seconds; sigmas as ``<name>_sigma``
     """
@@ -74,7 +75,17 @@ def list_runs(folder: AnyPath = "runs", *, index: AnyPath | None = None) -> list
             changed = True
     if changed or rows.keys() != held.keys():
         _save(file, rows)
-    return [rows[path][1] for path in sorted(rows)]
+    return [_as_it_is(folder, rows[path][1]) for path in sorted(rows)]
+
+
+def _as_it_is(folder: Path, row: RunRow) -> RunRow:
+    """Return a row, as ``dead`` where it is said to run and nobody is there that writes it."""
+    if row.status != "running":
+        return row
+    try:
+        return row._replace(status="dead") if load_run(folder / row.path).is_dead else row
+    except TablemapError:
+        return row  # it has gone, or changed, since it was read
 
 
 def read_row(folder: Path, path: str) -> RunRow:
@@ -85,7 +96,7 @@ def read_row(folder: Path, path: str) -> RunRow:
     except TablemapError as error:
         return RunRow(path, recording, run, "", "damaged", None, str(error), None, None, {})
     model, trouble = None, manifest.error
-    if (folder / path / "table.json").is_file():
+    if manifest.status != "running" and (folder / path / "table.json").is_file():
         try:
             model = TableModel.load(folder / path)
         except TablemapError as error:

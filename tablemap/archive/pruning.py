@@ -9,7 +9,7 @@ from collections.abc import Collection, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
 
-from tablemap.archive.folder import LEAVE_A_MODEL, RunFolder, load_run
+from tablemap.archive.folder import LATEST, LEAVE_A_MODEL, RunFolder, load_run
 from tablemap.archive.index import RunRow
 from tablemap.archive.selection import started
 from tablemap.errors import ConfigError, TablemapError
@@ -30,8 +30,9 @@ def to_prune(
     """Return the runs that match every given criterion, oldest first.
 
     Of each recording the ``keep`` newest runs with a model stay. The paths in ``latest`` (see
-    `named_latest`) always stay. Runs that are ``running`` or ``damaged`` match only if ``status``
-    names this; a run without a date counts as new.
+    `named_latest`) always stay, and so do runs that are ``running``. Runs that are ``damaged``
+    match only if ``status`` names this. A run without a date, or from the future, counts as new,
+    and as none of the newest.
 
     Raises `ConfigError` if no criterion is given, or ``keep`` is negative.
     """
@@ -41,7 +42,9 @@ def to_prune(
         raise ConfigError(f"expected how many runs to keep, found {keep}.")
     by_recording: dict[str, list[RunRow]] = defaultdict(list)
     for row in sorted(rows, key=lambda row: (row.started, row.path), reverse=True):
-        by_recording[row.recording].append(row)
+        begun = started(row)
+        if row.status != "running" and (begun is None or begun <= now):
+            by_recording[row.recording].append(row)
     going = []
     for own in by_recording.values():
         with_model = [row.path for row in own if row.status in LEAVE_A_MODEL]
@@ -52,7 +55,7 @@ def to_prune(
                 continue
             if status and row.status not in status:
                 continue
-            if not status and row.status in ("running", "damaged"):
+            if not status and row.status == "damaged":
                 continue
             if older_than is not None and (begun is None or now - begun < older_than):
                 continue
@@ -62,7 +65,7 @@ def to_prune(
 
 def named_latest(folder: AnyPath) -> set[str]:
     """Return the runs that ``latest`` names, a recording each: paths relative to ``folder``."""
-    links = as_path(folder).glob("*/latest")
+    links = as_path(folder).glob(f"*/{LATEST}")
     return {f"{link.parent.name}/{link.resolve().name}" for link in links if link.is_symlink()}
 
 
@@ -77,6 +80,8 @@ def prune(folder: AnyPath, rows: Sequence[RunRow]) -> None:
     runs = [folder / row.path for row in rows]
     try:
         for run in runs:
+            _refuse_live(run)
+        for run in runs:
             run.rename(run.with_name(f"{HIDDEN}{run.name}"))
         for hidden in folder.glob(f"*/{HIDDEN}*"):
             shutil.rmtree(hidden)
@@ -88,8 +93,18 @@ def prune(folder: AnyPath, rows: Sequence[RunRow]) -> None:
         ) from error
 
 
+def _refuse_live(run: Path) -> None:
+    """Raise `TablemapError` where a run goes on that was listed as one that had ended."""
+    try:
+        folder = load_run(run)
+    except TablemapError:  # a damaged one does not go on
+        return
+    if folder.manifest.status == "running" and not folder.is_dead:
+        raise TablemapError(f"the run goes on, and nothing was removed: {run}")
+
+
 def _renew_latest(recording: Path) -> None:
-    link = recording / "latest"
+    link = recording / LATEST
     if not link.is_symlink() or link.exists():
         return
     left: list[RunFolder] = []

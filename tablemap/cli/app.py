@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import shutil
-import signal
 import sys
-from types import FrameType
 from typing import Annotated
 
 import typer
@@ -13,7 +11,11 @@ import typer
 from tablemap.cli.commands import Commands, Debug, show_tracebacks
 from tablemap.cli.printing import complain, say
 from tablemap.errors import ConfigError, TablemapError
+from tablemap.interrupts import Interrupts
 from tablemap.version import __version__
+
+GRACE_SECONDS = 10.0
+"""Signals that come so soon after the first count for nothing: a run is being marked."""
 
 app = Commands(
     name="tablemap",
@@ -29,18 +31,13 @@ app = Commands(
 
 def main() -> None:
     """Run the command line; turn an error into one sentence and an exit code."""
-    terminated = False
-
-    def terminate(_signal: int, _frame: FrameType | None) -> None:
-        nonlocal terminated
-        terminated = True
-        raise KeyboardInterrupt
-
-    signal.signal(signal.SIGTERM, terminate)
+    interrupts = Interrupts(grace_seconds=GRACE_SECONDS)
+    interrupts.listen()
     try:
         app()
     except SystemExit as end:
-        sys.exit(143 if terminated and end.code == 130 else end.code)
+        told = interrupts.received
+        sys.exit(128 + told[0] if told and end.code == 130 else end.code)
     except Exception as error:
         complain(_sentence(error))
         sys.exit(2 if isinstance(error, ConfigError) else 1)

@@ -103,10 +103,14 @@ def _tables(run: AnyPath) -> tuple[Path, dict[str, Path]]:
 
     if names_model(run):
         file = as_path(run)
+        folder = file.parent.parent if file.parent.name == "tables" else file.parent
+        if (folder / "manifest.json").is_file():
+            load_run(folder).check_ended()
         if file.parent.name == "tables":
             return file.parent.parent, {f"table_{file.stem}": file}
         return file.parent, {"table": file}
     loaded = load_run(run)
+    loaded.check_ended()
     if not (loaded.path / "table.json").is_file():
         status, error = loaded.manifest.status, loaded.manifest.error
         raise TablemapError(

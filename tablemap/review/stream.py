@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import bisect
 import ctypes
+import shutil
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -19,7 +21,11 @@ from tablemap.geometry import Floats, Ints, Pose2
 from tablemap.recording import FrameNames, Recording
 from tablemap.review.schema import SCHEMA, described
 
-FLUSH_SECONDS = 60
+FLUSH_SECONDS = 1.0
+STUCK_SECONDS = 20.0
+"""A file that has not grown for so long, with rows waiting, grows no more."""
+
+LEAST_FREE_BYTES = 64 * 1024
 HEAVY = (rr.Points3D, rr.EncodedDepthImage, rr.EncodedImage, rr.SegmentationImage)
 HEAVY_BETWEEN_FLUSHES = 10
 FEW_STOPS = 15
@@ -224,13 +230,38 @@ class Stream:
         self._heavy = 0
         if self._lost:
             raise TablemapError(f"the review file cannot be written any more: {self.path}")
+        size, grew = self._size(), time.monotonic()
+        while True:
+            asked = time.monotonic()
+            try:
+                self.rec.flush(timeout_sec=FLUSH_SECONDS)
+                return
+            except Exception as error:
+                # A slow disk goes on writing. A thread that has met a full one answers no more, or
+                # at once that it has ended.
+                now = self._size()
+                has_ended = time.monotonic() - asked < FLUSH_SECONDS / 2
+                if now > size and not has_ended:
+                    size, grew = now, time.monotonic()
+                elif has_ended or self._is_full() or time.monotonic() - grew > STUCK_SECONDS:
+                    self._abandon()
+                    why = "the disk is full" if self._is_full() else error
+                    raise TablemapError(
+                        f"the review file cannot be written ({why}); free some space or choose "
+                        f"another --output: {self.path}"
+                    ) from error
+
+    def _size(self) -> int:
         try:
-            self.rec.flush(timeout_sec=FLUSH_SECONDS)
-        except Exception as error:
-            self._abandon()
-            raise TablemapError(
-                f"the review file cannot be written ({error}); is the disk full? {self.path}"
-            ) from error
+            return self.path.stat().st_size
+        except OSError:
+            return -1
+
+    def _is_full(self) -> bool:
+        try:
+            return shutil.disk_usage(self.path.parent).free < LEAST_FREE_BYTES
+        except OSError:
+            return True  # the folder is gone
 
     def _abandon(self) -> None:
         """Give up a file that takes no more rows.

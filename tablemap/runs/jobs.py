@@ -16,6 +16,7 @@ from tablemap.inputs import AnyInput, Input
 from tablemap.paths import AnyPath, as_path
 from tablemap.remote import is_remote
 from tablemap.runs.running import Follow, Outcome, run
+from tablemap.words import safe_name
 
 TRIES = 2
 """How often a recording is started if its workers die."""
@@ -99,7 +100,9 @@ def done_already(recording: AnyInput, job: Job) -> RunFolder | None:
 def runs_of(recording: AnyInput, output: Path) -> list[RunFolder]:
     """Return the runs of recordings of that name, newest first."""
     found = []
-    for path in sorted((output / Input.of(recording).stem).glob("*/manifest.json"), reverse=True):
+    for path in sorted(
+        (output / safe_name(Input.of(recording).stem)).glob("*/manifest.json"), reverse=True
+    ):
         if not path.parent.is_symlink():
             with suppress(TablemapError):  # an unreadable run cannot be the right one
                 found.append(load_run(path.parent))
@@ -119,6 +122,9 @@ def mark_lost(
         if manifest.run_id in known or manifest.recording.input != recording.resolved():
             continue
         if manifest.status == "running":
+            # Another program may process it too, here; of another machine nothing can be told.
+            if not left.is_dead and (manifest.writer is None or manifest.writer.is_here):
+                continue
             with suppress(TablemapError):
                 left.finish("interrupted", error=error)
         if left.manifest.status in ("running", "interrupted"):

@@ -8,19 +8,18 @@ worker.
 from __future__ import annotations
 
 import os
-import signal
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
+from multiprocessing import get_context, resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from types import FrameType
 
 from tablemap.events import StageStarted
 from tablemap.inputs import AnyInput, Input
+from tablemap.interrupts import Interrupts, held_back, let_through
 from tablemap.runs.jobs import TRIES, Job, Progress, mark_lost, runs_of
 from tablemap.runs.running import Outcome
 
@@ -94,7 +93,9 @@ class _Worker:
         context = get_context("spawn")
         self._pipe, theirs = context.Pipe()
         self._process: BaseProcess = context.Process(target=_work, args=(theirs, job))
-        self._process.start()
+        resource_tracker.ensure_running()  # beginning it would let the signals through again
+        with held_back():
+            self._process.start()
         theirs.close()
         self.task: _Task | None = None
 
@@ -155,20 +156,17 @@ class _Worker:
 def _work(pipe: Connection[object, object], job: Job) -> None:
     """Process the recordings from the pipe until it is closed (in the worker's process)."""
 
-    def interrupt(_signal: int, _frame: FrameType | None) -> None:
-        # Both the terminal and our parent may send it; the second must not disturb the marking.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        raise KeyboardInterrupt
-
-    signal.signal(signal.SIGINT, interrupt)
-    signal.signal(signal.SIGTERM, interrupt)
-
     def progress(event: object) -> None:
         if isinstance(event, StageStarted):
-            pipe.send(event)
+            try:
+                pipe.send(event)
+            except OSError:  # our parent has ended, or wants us to
+                raise KeyboardInterrupt from None
 
     with suppress(KeyboardInterrupt, EOFError, OSError):
+        # They may come by the terminal and by our parent; one must not disturb the other's marks.
+        Interrupts(grace_seconds=float("inf")).listen()
+        let_through()
         while True:
             recording = pipe.recv()
             if not isinstance(recording, Input):
@@ -176,6 +174,5 @@ def _work(pipe: Connection[object, object], job: Job) -> None:
             try:
                 outcome = job(recording, progress)
             except Exception as error:  # a defect met by one recording must not stop the others
-                sentence = f"this is a defect of tablemap: {type(error).__name__}: {error}"
-                outcome = Outcome(recording, None, "failed", sentence, None)
+                outcome = Outcome.of_defect(recording, error)
             pipe.send(outcome)

@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
 from tablemap.archive.folder import RunFolder, load_run, trajectory_tum
+from tablemap.archive.liveness import Heart
 from tablemap.archive.verification import find_input
 from tablemap.config import Config, Method, Tables, check_tables, dump_config, load_config
 from tablemap.errors import LOSSES, ConfigError, TablemapError
 from tablemap.events import OtherTable, Record, RunFailed, StageFinished, StageStarted, ignore
 from tablemap.inputs import AnyInput, Input
+from tablemap.interrupts import undisturbed
 from tablemap.model import TableModel
 from tablemap.paths import AnyPath, as_path
+from tablemap.words import shown
 
 if TYPE_CHECKING:
     from tablemap.pipeline import Processed
-    from tablemap.review.page.page import Page
 
 Follow = Callable[[Path], AbstractContextManager[object]]
+
+REVIEW = "run.rrd"
+_DIGEST_SECONDS = 5.0  # that a run which is left waits for its recording's hash
 
 
 @dataclass(frozen=True)
@@ -43,6 +48,15 @@ class Outcome:
     error: str | None
     model: TableModel | None
     others: tuple[OtherTable, ...] = ()
+
+    @staticmethod
+    def of_defect(recording: Input, error: Exception) -> Outcome:
+        """Return how a run ended that has met a defect of the program."""
+        sentence = (
+            f"this is a defect of tablemap: {type(error).__name__}: {error}; run it again with "
+            f"--debug and report what it prints: {recording}"
+        )
+        return Outcome(recording, None, "failed", sentence, None)
 
 
 class InterruptedRun(KeyboardInterrupt):
@@ -83,60 +97,29 @@ def run(
     tables = config.tables if tables is None else check_tables(tables)
     # config.toml says all of it: it repeats the run.
     config = config.model_copy(update={"method": method, "tables": tables})
+    running = _Running(recording)
     try:
         recording.check()
-        folder = RunFolder.create(output, recording, method=method, tables=tables, config=config)
-    except ConfigError:
-        raise
-    except TablemapError as error:
-        return Outcome(recording, None, "failed", str(error), None)
-
-    from tablemap.review.page.page import Page
-
-    page = Page()
-    stages = _Stages()
-    with ThreadPoolExecutor(1, thread_name_prefix="sha256") as hashing:
-        digest = hashing.submit(recording.sha256)
-        try:
-            processed = _process_reviewed(
-                recording,
-                folder,
-                config,
-                _method(method),
-                tables,
-                stages,
-                page,
-                progress,
-                follow,
-            )
-            entry = folder.manifest.recording.model_copy(update={"sha256": digest.result()})
-            folder.update(recording=entry, timings=stages.seconds)
-            folder.write("trajectory.tum", trajectory_tum(processed.trajectory))
-            folder.write("table.json", processed.model.to_json())
-            for other in processed.others:
-                if isinstance(other.outcome, TableModel):
-                    folder.write(f"tables/{other.number:02d}.json", other.outcome.to_json())
-            lost = [w.message for w in processed.model.warnings if w.code in LOSSES]
-            status: Literal["ok", "partial"] = "partial" if lost else "ok"
-            loss = lost[0] if lost else None
-            html = page.html(folder.manifest, status=status, error=loss)
-            folder.write("report.html", html)
-            folder.finish(status, error=loss)
-        except (TablemapError, OSError) as error:
-            with suppress(TablemapError, OSError):
-                entry = folder.manifest.recording.model_copy(update={"sha256": digest.result()})
-                folder.update(recording=entry)
-            _leave(folder, page, stages, "failed", str(error))
-            return Outcome(recording, folder, "failed", str(error), None)
-        except KeyboardInterrupt as stop:
-            _leave(folder, page, stages, "interrupted", f"interrupted during {stages.current}")
-            raise InterruptedRun(folder.path) from stop
-        except BaseException as error:
-            _leave(folder, page, stages, "failed", f"{type(error).__name__}: {error}")
+        folder = running.begin(output, method=method, tables=tables, config=config)
+        with Heart(folder.path):
+            processed = running.process(folder, config, _method(method), tables, progress, follow)
+            status, loss = running.keep(folder, processed)
+        # As it is written: rounded as table.json rounds.
+        return Outcome(recording, folder, status, loss, folder.model, processed.others)
+    except (TablemapError, OSError, MemoryError) as error:
+        sentence = str(error)
+        if isinstance(error, MemoryError):
+            sentence = f"the memory does not suffice ({sentence}): {recording}"
+        running.leave("failed", sentence)
+        return Outcome(recording, running.folder, "failed", sentence, None)
+    except KeyboardInterrupt as stop:
+        running.leave("interrupted", f"interrupted during {running.stage}")
+        if running.folder is None:
             raise
-    # As it is written: rounded as table.json rounds.
-    model = folder.model
-    return Outcome(recording, folder, status, folder.manifest.error, model, processed.others)
+        raise InterruptedRun(running.folder.path) from stop
+    except BaseException as error:
+        running.leave("failed", f"{type(error).__name__}: {error}")
+        raise
 
 
 def reprocess(
@@ -165,74 +148,149 @@ def reprocess(
     )
 
 
-def _leave(
-    folder: RunFolder,
-    page: Page,
-    stages: _Stages,
-    status: Literal["failed", "interrupted"],
-    error: str,
-) -> None:
-    """Finish the folder of a run that did not complete: write its page and how it ended."""
-    with suppress(Exception):  # a full disk, or the page itself, may have ended the run
-        folder.update(timings=stages.seconds)
-        folder.write("report.html", page.html(folder.manifest, status=status, error=error))
-    with suppress(TablemapError):  # the manifest then still says ``running``
-        folder.finish(status, error=error)
+class _Running:
+    """A run that goes on: its folder, its page, which stage it is in, and how it is left."""
 
+    def __init__(self, recording: Input) -> None:
+        from tablemap.review.page.page import Page
 
-def _process_reviewed(
-    source: Input,
-    folder: RunFolder,
-    config: Config,
-    process: Callable[..., Processed],
-    tables: Tables,
-    stages: _Stages,
-    page: Record,
-    progress: Record,
-    follow: Follow,
-) -> Processed:
-    """Open and process a recording, and write every result and event to ``run.rrd``."""
-    from tablemap.recording import open_recording
-    from tablemap.review import Reviewer
+        self.folder: RunFolder | None = None
+        self.stage = "recording"
+        self._recording = recording
+        self._page = Page()
+        self._seconds: dict[str, float] = {}
+        self._digest = _Digest(recording)
 
-    folder.write("config.toml", dump_config(config))
-    file = folder.path / "run.rrd"
-    with (
-        follow(file),
-        Reviewer(
-            file,
-            run_id=folder.manifest.run_id,
-            recording_name=source.stem,
-            config=config.review,
-        ) as review,
-    ):
+    def begin(self, output: Path, *, method: str, tables: Tables, config: Config) -> RunFolder:
+        """Make the folder of the run."""
+        self.folder = RunFolder.create(
+            output, self._recording, method=method, tables=tables, config=config
+        )
+        self._digest.start()
+        return self.folder
 
-        def record(event: object) -> None:
-            for observe in (stages, page, progress, review):
-                observe(event)
+    def process(
+        self,
+        folder: RunFolder,
+        config: Config,
+        process: Callable[..., Processed],
+        tables: Tables,
+        progress: Record,
+        follow: Follow,
+    ) -> Processed:
+        """Open and process the recording; everything that happens is written to ``run.rrd``."""
+        from tablemap.recording import open_recording
+        from tablemap.review import Reviewer
 
-        try:
-            recording = open_recording(source, topics=config.topics, limits=config.limits)
-            record(recording)
-            return process(recording, config=config, tables=tables, record=record)
-        except BaseException as error:
-            with suppress(TablemapError):  # the review itself may have failed
-                record(RunFailed(stages.current, str(error) or type(error).__name__))
-            raise
+        folder.write("config.toml", dump_config(config))
+        file = folder.path / REVIEW
+        with (
+            follow(file),
+            Reviewer(
+                file,
+                run_id=folder.manifest.run_id,
+                recording_name=shown(self._recording.stem),
+                config=config.review,
+            ) as review,
+        ):
 
+            def record(event: object) -> None:
+                for observe in (self._observe, self._page, progress, review):
+                    observe(event)
 
-class _Stages:
-    """Keeps the current stage of a run, and the seconds of each stage."""
+            try:
+                recording = open_recording(
+                    self._recording, topics=config.topics, limits=config.limits
+                )
+                record(recording)
+                return process(recording, config=config, tables=tables, record=record)
+            except BaseException as error:
+                with suppress(TablemapError):  # where the review itself is what failed
+                    record(RunFailed(self.stage, str(error) or type(error).__name__))
+                raise
 
-    def __init__(self) -> None:
-        self.current = "recording"
-        self.seconds: dict[str, float] = {}
+    def keep(
+        self, folder: RunFolder, processed: Processed
+    ) -> tuple[Literal["ok", "partial"], str | None]:
+        """Write the model; return the run's status, and what of the recording was lost."""
+        self._note(folder, self._digest.wait())
+        folder.write("trajectory.tum", trajectory_tum(processed.trajectory))
+        for other in processed.others:
+            if isinstance(other.outcome, TableModel):
+                folder.write(f"tables/{other.number:02d}.json", other.outcome.to_json())
+        lost = [w.message for w in processed.model.warnings if w.code in LOSSES]
+        status: Literal["ok", "partial"] = "partial" if lost else "ok"
+        _check_review(folder.path / REVIEW)
+        loss = lost[0] if lost else None
+        folder.write("report.html", self._page.html(folder.manifest, status=status, error=loss))
+        folder.write("table.json", processed.model.to_json())
+        folder.finish(status, error=loss, streamed=[REVIEW])
+        return status, loss
 
-    def __call__(self, event: object) -> None:
+    def leave(self, status: Literal["failed", "interrupted"], error: str) -> None:
+        """Leave a folder whose run did not come to its end, with its page and how it ended.
+
+        First how it ended, for the disk may be full, or the page be what the run failed of.
+        """
+        folder = self.folder
+        if folder is None:  # it was not made
+            return
+        with undisturbed(), suppress(TablemapError):  # else the manifest still says that it runs
+            folder.finish(status, error=error)
+            with suppress(Exception):
+                self._note(folder, self._digest.wait(_DIGEST_SECONDS))
+                html = self._page.html(folder.manifest, status=status, error=error)
+                folder.write("report.html", html)
+                folder.finish(status, error=error)
+
+    def _note(self, folder: RunFolder, digest: str | None) -> None:
+        entry = folder.manifest.recording.model_copy(update={"sha256": digest})
+        folder.update(recording=entry, timings=self._seconds)
+
+    def _observe(self, event: object) -> None:
         if isinstance(event, StageStarted):
-            self.current = event.name
+            self.stage = event.name
         elif isinstance(event, StageFinished):
-            self.seconds[event.name] = round(self.seconds.get(event.name, 0.0) + event.seconds, 4)
+            seconds = self._seconds.get(event.name, 0.0) + event.seconds
+            self._seconds[event.name] = round(seconds, 4)
+
+
+def _check_review(file: Path) -> None:
+    """Raise `TablemapError` where the review lacks its end: that is written without a word."""
+    from tablemap.review.viewer.viewer import is_whole
+
+    if file.is_file() and not is_whole(file):
+        raise TablemapError(
+            "the review file could not be written to its end; free some space or choose "
+            f"another --output: {file}"
+        )
+
+
+class _Digest:
+    """The SHA-256 of a recording, computed beside the run; a run that is left waits for no more."""
+
+    def __init__(self, recording: Input) -> None:
+        self._found: str | BaseException | None = None
+        self._thread = threading.Thread(
+            target=self._compute, args=(recording,), name="sha256", daemon=True
+        )
+
+    def start(self) -> None:
+        """Begin to read."""
+        self._thread.start()
+
+    def _compute(self, recording: Input) -> None:
+        try:
+            self._found = recording.sha256()
+        except Exception as error:  # raised where it is asked for
+            self._found = error
+
+    def wait(self, seconds: float | None = None) -> str | None:
+        """Return it, or None where it is not known in time; raises what reading has raised."""
+        self._thread.join(seconds)
+        if isinstance(self._found, BaseException):
+            raise self._found
+        return self._found
 
 
 def _method(method: Method) -> Callable[..., Processed]:

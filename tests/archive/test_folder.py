@@ -57,6 +57,9 @@ def test_no_half_written_file_is_left(recording: Path, tmp_path: Path) -> None:
     run = make(recording, tmp_path / "runs")
     run.write("tables/01.json", "{}")
     names = sorted(p.relative_to(run.path).as_posix() for p in run.path.rglob("*") if p.is_file())
+    assert names == [".reserve", "manifest.json", "tables/01.json"]
+    run.finish("ok")
+    names = sorted(p.relative_to(run.path).as_posix() for p in run.path.rglob("*") if p.is_file())
     assert names == ["manifest.json", "tables/01.json"]
 
 

@@ -13,6 +13,7 @@ import zstandard
 
 from tablemap.archive import RunFolder, load_run
 from tablemap.archive.index import list_runs
+from tablemap.archive.liveness import Writer
 from tablemap.archive.packing import pack, unpack
 from tablemap.archive.pruning import named_latest, prune, to_prune
 from tablemap.archive.verification import find_input
@@ -245,10 +246,14 @@ def many(tmp_path: Path) -> Path:
         ("hall/03", "ok"),
         ("lab/04", "running"),
         ("lab/09", "ok"),
+        ("yard/02", "running"),
     ):
         model = rectangle_model() if status == "ok" else None
         started = f"2026-05-{name[-2:]}T00:00:00+00:00"
-        make_run(folder, name, model, status=status, started=started)  # type: ignore[arg-type]
+        writer = Writer.this()
+        if name == "lab/04":
+            writer = writer.model_copy(update={"began": 1})
+        make_run(folder, name, model, status=status, started=started, writer=writer)  # type: ignore[arg-type]
     return folder
 
 
@@ -257,13 +262,14 @@ def many(tmp_path: Path) -> Path:
     [
         ({"older_than": timedelta(days=7)}, ["hall/01", "hall/02"]),
         ({"older_than": timedelta(days=7), "keep": 1}, ["hall/01", "hall/02"]),
-        ({"keep": 1}, ["hall/01", "hall/02"]),
-        ({"keep": 2}, ["hall/02"]),
-        ({"keep": 0}, ["hall/01", "hall/02"]),
+        ({"keep": 1}, ["hall/01", "hall/02", "lab/04"]),
+        ({"keep": 2}, ["hall/02", "lab/04"]),
+        ({"keep": 0}, ["hall/01", "hall/02", "lab/04"]),
         ({"status": ("ok",)}, ["hall/01"]),
         ({"status": ("failed",)}, ["hall/02"]),
-        ({"status": ("running",), "older_than": timedelta(days=1)}, ["lab/04"]),
-        ({"keep": 9}, ["hall/02"]),
+        ({"status": ("dead",), "older_than": timedelta(days=1)}, ["lab/04"]),
+        ({"status": ("running",), "older_than": timedelta(days=1)}, []),
+        ({"keep": 9}, ["hall/02", "lab/04"]),
     ],
 )
 def test_each_criterion_holds_what_it_must(
@@ -283,7 +289,24 @@ def test_an_older_run_that_latest_names_stays(many: Path) -> None:
     load_run(many / "hall/01").become_latest()
     assert named_latest(many) == {"hall/01", "lab/09"}
     going = to_prune(list_runs(many), now=NOW, keep=1, latest=named_latest(many))
-    assert [row.path for row in going] == ["hall/02"]
+    assert [row.path for row in going] == ["hall/02", "lab/04"]
+
+
+def test_a_clock_that_was_set_back_offers_no_fresh_run(many: Path) -> None:
+    """Runs from the future are kept, and take no place of those that are kept."""
+    started = "2027-01-01T00:00:00+00:00"
+    make_run(many, "hall/99", rectangle_model(), status="ok", started=started)
+    going = to_prune(list_runs(many), now=NOW, keep=1)
+    assert [row.path for row in going] == ["hall/01", "hall/02", "lab/04"]
+
+
+def test_a_run_that_goes_on_is_not_removed(many: Path) -> None:
+    """Neither when it began after it was listed as dead."""
+    row = next(row for row in list_runs(many) if row.path == "yard/02")
+    assert row.status == "running"
+    with pytest.raises(TablemapError, match="goes on"):
+        prune(many, [row._replace(status="dead")])
+    assert (many / "yard/02/manifest.json").is_file()
 
 
 def test_pruning_without_a_criterion_is_wrong_usage(many: Path) -> None:
@@ -299,5 +322,5 @@ def test_pruned_runs_are_gone_and_latest_names_what_is_left(many: Path) -> None:
     assert load_run(many / "hall").path.name == "01"
     prune(many, [rows["lab/09"], rows["lab/04"]])
     assert not (many / "lab").exists()
-    assert [row.path for row in list_runs(many)] == ["hall/01", "hall/02"]
+    assert [row.path for row in list_runs(many)] == ["hall/01", "hall/02", "yard/02"]
     assert json.loads((many / "hall/01/manifest.json").read_text())["status"] == "ok"

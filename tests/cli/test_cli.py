@@ -198,7 +198,7 @@ def test_a_disk_that_takes_no_more_fails_the_run_and_ends_it(
     """Files may grow to 200 kB: the review cannot be written, and nothing waits for it."""
     code = (
         "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000)); "
-        "import tablemap.review.stream as stream; stream.FLUSH_SECONDS = 3; "
+        "import tablemap.review.stream as stream; stream.STUCK_SECONDS = 3; "
         "from tablemap.cli import main; main()"
     )
     done = subprocess.run(
@@ -210,7 +210,7 @@ def test_a_disk_that_takes_no_more_fails_the_run_and_ends_it(
     )
     line = json.loads(done.stdout)
     assert (done.returncode, line["status"], line["model"]) == (1, "failed", None)
-    assert "is the disk full?" in line["error"]
+    assert "the review file cannot be written" in line["error"]
     manifest = json.loads((Path(line["run"]) / "manifest.json").read_text())
     assert (manifest["status"], manifest["error"]) == ("failed", line["error"])
 

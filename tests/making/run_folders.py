@@ -7,6 +7,7 @@ from pathlib import Path
 from tablemap.archive import Manifest, RunFolder
 from tablemap.archive.folder import RecordingEntry, Status, versions
 from tablemap.archive.index import RunRow, read_row
+from tablemap.archive.liveness import Writer
 from tablemap.config import Config, dump_config
 from tablemap.model import TableModel
 from tablemap.recording import sha256
@@ -28,6 +29,7 @@ def make_run(
     status: Status = "ok",
     started: str = "2026-05-01T12:00:00+00:00",
     config: Config | None = None,
+    writer: Writer | None = None,
 ) -> RunFolder:
     """Make ``output/<stem>/<run>`` of ``name``, finished, as a run of ``recording`` leaves it."""
     path = output / name
@@ -47,6 +49,7 @@ def make_run(
         versions=versions(),
         started=started,
         timings={"snapshots": 1.25, "surface": 0.5},
+        writer=writer,
     )
     run = RunFolder(path, manifest)
     run.write("config.toml", dump_config(config or Config()))

@@ -28,7 +28,8 @@ def show(run: Run, as_json: Json = False) -> None:
 
     folder = load_run(run)
     manifest = folder.manifest
-    model = folder.model if (folder.path / "table.json").is_file() else None
+    has_ended = manifest.status != "running"
+    model = folder.model if has_ended and (folder.path / "table.json").is_file() else None
     if as_json:
         document = {
             "path": str(folder.path),
@@ -45,10 +46,10 @@ def show(run: Run, as_json: Json = False) -> None:
         *_changed_rows(folder),
         ("started", manifest.started),
         ("seconds", f"{sum(manifest.timings.values()):.1f}"),
-        ("status", manifest.status),
+        ("status", "dead" if folder.is_dead else manifest.status),
         *([("error", manifest.error)] if manifest.error else []),
         *(summary_rows(model) if model else []),
-        *other_rows(folder.others),
+        *other_rows(folder.others if has_ended else ()),
         *([("because", doubt) for doubt in doubts(model)] if model else []),
         *([("note", note) for note in notes(model)] if model else []),
     ]
