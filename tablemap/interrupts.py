@@ -17,6 +17,17 @@ SIGNALS = [
 """Ctrl-C, `kill`, and a terminal that is closed."""
 
 
+_told: list[int] = []
+
+
+def told_to_stop() -> bool:
+    """Tell whether a signal that ends the program has come.
+
+    Compiled code may make another error of the interruption, such as a failed import.
+    """
+    return bool(_told)
+
+
 class Interrupts:
     """Listens to the signals that end a program; ``received`` are the numbers of those that came.
 
@@ -41,6 +52,7 @@ class Interrupts:
         now = time.monotonic()
         if not self._was_swallowed:
             self.received.append(number)
+            _told.append(number)
             if now - self._raised < self._grace:
                 return
         self._was_swallowed, self._raised = False, now

@@ -16,7 +16,7 @@ from tablemap.config import Config, Method, Tables, check_tables, dump_config, l
 from tablemap.errors import LOSSES, ConfigError, TablemapError
 from tablemap.events import OtherTable, Record, RunFailed, StageFinished, StageStarted, ignore
 from tablemap.inputs import AnyInput, Input
-from tablemap.interrupts import undisturbed
+from tablemap.interrupts import told_to_stop, undisturbed
 from tablemap.model import TableModel
 from tablemap.paths import AnyPath, as_path
 from tablemap.words import shown
@@ -106,20 +106,21 @@ def run(
             status, loss = running.keep(folder, processed)
         # As it is written: rounded as table.json rounds.
         return Outcome(recording, folder, status, loss, folder.model, processed.others)
-    except (TablemapError, OSError, MemoryError) as error:
-        sentence = str(error)
+    except BaseException as error:
+        if isinstance(error, KeyboardInterrupt) or told_to_stop():
+            running.leave("interrupted", f"interrupted during {running.stage}")
+            if running.folder is None:
+                raise KeyboardInterrupt from error
+            raise InterruptedRun(running.folder.path) from error
         if isinstance(error, MemoryError):
-            sentence = f"the memory does not suffice ({sentence}): {recording}"
+            sentence = f"the memory does not suffice ({error}): {recording}"
+        elif isinstance(error, (TablemapError, OSError)):
+            sentence = str(error)
+        else:
+            running.leave("failed", f"{type(error).__name__}: {error}")
+            raise
         running.leave("failed", sentence)
         return Outcome(recording, running.folder, "failed", sentence, None)
-    except KeyboardInterrupt as stop:
-        running.leave("interrupted", f"interrupted during {running.stage}")
-        if running.folder is None:
-            raise
-        raise InterruptedRun(running.folder.path) from stop
-    except BaseException as error:
-        running.leave("failed", f"{type(error).__name__}: {error}")
-        raise
 
 
 def reprocess(
