@@ -154,9 +154,9 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
                 legs = stand(surface)
             record(legs)
 
-        # Camera against laser, by what both see. The legs pin where the camera is in the base,
-        # which the edges leave open. Where edges alone show that the two disagree, what the camera
-        # saw is moved to where the laser asks it to be.
+        # Camera and laser are compared by edges and legs. The legs show the camera's place in the
+        # base, which the edges leave open. If only edges show that the two disagree, the edges that
+        # the camera saw are moved to agree with the laser.
         with stage("crosscheck"):
             cross = cross_check(
                 outline,

@@ -70,7 +70,7 @@ class Sieve:
         return channel in self.channels and self.start_ns <= time_ns <= self.end_ns
 
     def begins_chain(self, read: Read, at: int, size: int, *, length: int) -> bool:
-        """Tell whether ``_CHAIN`` records follow each other from a place on, or reach the end."""
+        """Tell whether ``length`` records follow each other from a place on, or reach the end."""
         for _ in range(length):
             end = self.end_of(read, at, size)
             if end is None:
