@@ -59,6 +59,18 @@ WARNING_CODES: dict[str, str] = {
     "accuracy.calibration_flawed": (
         "The camera's distortion cannot be that of a lens; its images were taken as undistorted."
     ),
+    "accuracy.calibrations_disagree": (
+        "Calibrations of the depth camera disagree, and the floor does not tell which is right."
+    ),
+    "recording.depth_meaning": (
+        "Depth has another unit, direction or frame than its encoding says; it was converted."
+    ),
+    "accuracy.depth_meaning": (
+        "Depth may have another unit, direction or frame than its encoding says."
+    ),
+    "accuracy.floor": (
+        "The floor lies beside z = 0, or is tilted: the calibration, TF or the depth is wrong."
+    ),
     "accuracy.tf_conflict": (
         "Two sources send one transform and disagree; the one that sent most was taken."
     ),

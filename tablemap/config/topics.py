@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from datetime import datetime
+from typing import Literal
 
 from pydantic import Field, field_validator
 
@@ -28,6 +29,21 @@ class TopicsConfig(Section):
     laser: str = Field(
         default="",
         description="topic of the base's laser scans; empty: found by itself",
+    )
+    depth_unit: float = Field(
+        default=0.0,
+        ge=0,
+        description="metres that a depth value of one stands for; 0: by encoding and floor",
+    )
+    depth_along: Literal["", "axis", "ray"] = Field(
+        default="",
+        description="what depth is measured along: the optical axis, or each ray; empty: by the "
+        "floor",
+    )
+    camera_axes: Literal["", "optical", "body"] = Field(
+        default="",
+        description="axes of the images' frame: z forward (optical), or x forward (body); empty: "
+        "by the floor",
     )
     robot: str = Field(
         default="",

@@ -26,13 +26,14 @@ SAME_SHARE = 0.005
 class Calibrations:
     """The different calibrations; each is valid from its stamp until that of the next one.
 
-    ``topic`` is the topic of the calibrations, ``depth`` that of their images.
+    ``topic`` is where they were published, ``depth`` the topic of the images that they are for.
+    ``known`` keeps what was asked before.
     """
 
     topic: str
     depth: str
     infos: tuple[CameraInfo, ...]
-    _known: dict[tuple[int, int, int], Rectification | None] = field(default_factory=dict)
+    known: dict[tuple[int, int, int], Rectification | None] = field(default_factory=dict)
 
     def at(self, stamp_ns: int) -> CameraInfo:
         """Return the calibration that was valid at a stamp."""
@@ -59,14 +60,14 @@ class Calibrations:
 
     def _fitting(self, index: int, width: int, height: int) -> Rectification | None:
         key = (index, width, height)
-        if key not in self._known:
+        if key not in self.known:
             try:
-                self._known[key] = rectification(
+                self.known[key] = rectification(
                     self.infos[index], width=width, height=height, topic=self.depth
                 )
             except RecordingError:
-                self._known[key] = None
-        return self._known[key]
+                self.known[key] = None
+        return self.known[key]
 
 
 def valid_calibrations(

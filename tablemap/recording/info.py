@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -13,14 +13,17 @@ import numpy as np
 from tablemap.config import LimitsConfig, TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError, with_damage
 from tablemap.inputs import AnyInput, Input
+from tablemap.recording.calibrations import valid_calibrations
 from tablemap.recording.carried import carried_warnings
 from tablemap.recording.decoding import Decoder, DecodingError, Message
 from tablemap.recording.depth import decode_depth, depth_encoding
+from tablemap.recording.floor import MOST_VIEWS
+from tablemap.recording.judgement import judged, sampled
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
 from tablemap.recording.pose_topics import read_poses
 from tablemap.recording.raw import Channel, Source
 from tablemap.recording.rectification import rectification
-from tablemap.recording.robots import placed
+from tablemap.recording.robots import Placed, placed
 from tablemap.recording.sources import open_source
 from tablemap.recording.tf.collector import TransformCollector
 from tablemap.recording.tf.frame_roles import FrameNames
@@ -146,6 +149,7 @@ def inspect(
                     tree, frame_roles, roles = found.tree, found.names, found.roles
                     localisation = found.localisation
                     choices += found.warnings
+                    choices += _judged(source, found, config, limits)
                 except RecordingError as error:
                     missing.append(str(error))
     return RecordingInfo(
@@ -263,6 +267,46 @@ def _poses(source: Source, roles: Roles, limits: LimitsConfig) -> list[PoseTrack
     return read_poses(
         source, roles.poses, limits, read=lambda ids: source.sample(ids, most=_MOST_PLACES)[0]
     )
+
+
+def _judged(
+    source: Source, found: Placed, config: TopicsConfig, limits: LimitsConfig
+) -> list[ProcessWarning]:
+    """Say what the floor in a few images tells of depth and calibration."""
+    roles = found.roles
+    assert roles.depth is not None
+    assert roles.calibration is not None
+    assert isinstance(roles.calibration.first, CameraInfo)
+    calibrations, warnings = valid_calibrations(
+        [roles.calibration.first], topic=roles.calibration.name, depth=roles.depth.name
+    )
+    judgement = judged(
+        sampled(_few_images(source, roles.depth, limits), found.tree, found.names),
+        calibrations,
+        roles,
+        config,
+        is_height_known=not found.names.base_is_virtual,
+    )
+    return [*warnings, *judgement.warnings]
+
+
+def _few_images(
+    source: Source, depth: Topic, limits: LimitsConfig
+) -> Iterator[Image | CompressedImage]:
+    """Yield a few of the depth images, spread over the recording."""
+    decoders = decoders_of(depth.channels, limits)[0]
+    apart_ns = (source.end_ns - source.start_ns) // (2 * MOST_VIEWS)
+    last_ns: int | None = None
+    for raw in source.sample(decoders, most=MOST_VIEWS)[0]:
+        if last_ns is not None and raw.log_time_ns - last_ns < apart_ns:
+            continue
+        last_ns = raw.log_time_ns
+        try:
+            message = decoders[raw.channel_id].decode(raw)
+        except DecodingError:
+            continue
+        if isinstance(message, Image | CompressedImage) and message.frame_id == depth.frame_id:
+            yield message
 
 
 def _unfit_calibration(depth: Topic, calibration: Topic) -> list[str]:

@@ -12,26 +12,29 @@ from numpy.typing import ArrayLike, NDArray
 
 from tablemap.config import LimitsConfig, TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError, damage_named
-from tablemap.geometry import Bools, Floats, invert
+from tablemap.geometry import Bools, Floats
 from tablemap.inputs import AnyInput, Input
 from tablemap.recording.calibrations import Calibrations, valid_calibrations
 from tablemap.recording.carried import carried_warnings
 from tablemap.recording.channels import Channels, Stamped, only
 from tablemap.recording.decoding import DecodingError
 from tablemap.recording.depth import decode_depth
+from tablemap.recording.depth_meaning import DepthMeaning
+from tablemap.recording.judgement import Sample, judged, sampled, spread
 from tablemap.recording.messages import CameraInfo, CloudImage, CompressedImage, Image, LaserScan
 from tablemap.recording.pose_topics import read_poses
 from tablemap.recording.raw import Source
 from tablemap.recording.rectification import Rectification
-from tablemap.recording.robots import Placed, placed
+from tablemap.recording.robots import placed
 from tablemap.recording.silence import is_silent, sweep_that_can_be
 from tablemap.recording.sources import open_source
-from tablemap.recording.tf.frame_roles import FrameNames, ground_pose, pose_stamps
+from tablemap.recording.tf.frame_roles import FrameNames, base_from, fixed_from_bases, pose_stamps
 from tablemap.recording.tf.frames import Stamps
 from tablemap.recording.tf.poses import PoseTrack
 from tablemap.recording.topics import (
     Roles,
     find_roles,
+    implied_transforms,
     list_topics,
     missing_roles,
 )
@@ -94,11 +97,10 @@ class Recording:
         )
         self._calibrations = self._calibrated()
         self._check_first_depth()
-        found = self._place(topics, limits)
-        self.tree, self.names, self.roles = found.tree, found.names, found.roles
-        self._localisation = found.localisation
+        self._place(topics, limits)
+        self._meaning = self._judge(topics, limits)
         self._laser = self._channels.of(self.roles.laser)
-        self._pose_stamps = pose_stamps(self.tree, self.names.fixed, self._carrier)
+        self._pose_stamps = pose_stamps(self.tree, self.names.fixed, self.names.carrier)
         self.start_ns, self.end_ns = self._span()
         self.names = self._names_without_silent_laser()
 
@@ -157,7 +159,7 @@ class Recording:
                 continue
             yield DepthFrame(
                 message.stamp_ns,
-                rectified.apply(depth),
+                self._meaning.metres(rectified.apply(depth), rectified.k),
                 rectified.k,
                 message,
                 placed[0][place],
@@ -252,9 +254,7 @@ class Recording:
 
     def fixed_from_bases(self, stamps_ns: ArrayLike) -> tuple[Floats, Bools]:
         """Return the localised (n, 4, 4) poses at (n,) stamps, and which of them are known."""
-        stamps = np.asarray(stamps_ns, dtype=np.int64)
-        poses, valid = self.tree.lookup(self.names.fixed, self._carrier, stamps)
-        return (ground_pose(poses) if self.names.base_is_virtual else poses), valid
+        return fixed_from_bases(self.tree, self.names, np.asarray(stamps_ns, dtype=np.int64))
 
     def localised_sigma(self, stamp_ns: int) -> Floats | None:
         """Return the recorded sigmas of the localised pose: x, y (metres) and yaw (radians).
@@ -277,25 +277,15 @@ class Recording:
         if self.names.odom is None:
             nowhere = np.broadcast_to(np.eye(4), (len(stamps), 4, 4))
             return nowhere, np.zeros(len(stamps), dtype=bool)
-        poses, valid = self.tree.lookup(self.names.odom, self._carrier, stamps)
+        poses, valid = self.tree.lookup(self.names.odom, self.names.carrier, stamps)
         if self.names.base_is_virtual:
             carried, known = self._base_from(self.names.camera, stamps)
             poses = poses @ np.linalg.inv(carried)
             valid = valid & known
         return poses, valid
 
-    @property
-    def _carrier(self) -> str:
-        """The frame of the TF tree that is the base, or from which the base is derived."""
-        return self.names.camera if self.names.base_is_virtual else self.names.base
-
-    def _base_from(self, frame: str, stamps_ns: Stamps) -> tuple[Floats, Bools]:
-        if not self.names.base_is_virtual:
-            return self.tree.lookup(self.names.base, frame, stamps_ns)
-        bases, valid = self.fixed_from_bases(stamps_ns)
-        poses, known = self.tree.lookup(self.names.fixed, frame, stamps_ns)
-        inverse = np.array([invert(base) for base in bases]).reshape(-1, 4, 4)
-        return inverse @ poses, valid & known
+    def _base_from(self, frame: str, stamps_ns: Stamps) -> tuple[Floats, NDArray[np.bool_]]:
+        return base_from(self.tree, self.names, frame, stamps_ns)
 
     # Opening.
 
@@ -321,8 +311,8 @@ class Recording:
             "the recording has no depth that could be used."
         )
 
-    def _place(self, config: TopicsConfig, limits: LimitsConfig) -> Placed:
-        """Return the camera's robot: its transforms, its frames, and its laser."""
+    def _place(self, config: TopicsConfig, limits: LimitsConfig) -> None:
+        """Find the camera's robot: its transforms and frames, and the laser that it has."""
         found = placed(
             self._channels.collector,
             self.roles,
@@ -331,7 +321,40 @@ class Recording:
         )
         for warning in found.warnings:
             self._say_once(warning.code, warning.message)
-        return found
+        self.tree, self.names, self.roles = found.tree, found.names, found.roles
+        self._localisation = found.localisation
+
+    def _judge(self, config: TopicsConfig, limits: LimitsConfig) -> DepthMeaning:
+        """Judge by the floor what depth means, and which calibration is right; say what differs."""
+        found = judged(
+            self._samples(),
+            self._calibrations,
+            self.roles,
+            config,
+            is_height_known=not self.names.base_is_virtual,
+        )
+        for warning in found.warnings:
+            self._say_once(warning.code, warning.message)
+        self._calibrations = found.calibrations
+        if found.meaning.axes == "body":
+            self.roles = replace(self.roles, body_frame=self.names.camera)
+            for transform in implied_transforms(self.roles):
+                self._channels.collector.add(transform)
+            self._place(config, limits)
+        return found.meaning
+
+    def _samples(self) -> list[Sample]:
+        """Return a few depth images that have poses, as they were decoded."""
+        assert self.roles.depth is not None
+        stamps = self._depth.stamps_ns
+        known = self.fixed_from_bases(stamps)[1] & self._base_from(self.names.camera, stamps)[1]
+        due = only(self._depth, spread(stamps[known]))
+        images = (
+            message
+            for message in self._channels.in_order(self.roles.depth, due)
+            if isinstance(message, Image | CompressedImage)
+        )
+        return sampled(images, self.tree, self.names)
 
     def _names_without_silent_laser(self) -> FrameNames:
         """Return the frames; drop the laser's, with a warning, if none of its scans has returns."""

@@ -122,8 +122,9 @@ class Topic:
 class Roles:
     """The topics by role; None for a role without a topic.
 
-    ``lasers`` are all candidates, best first; ``laser`` is the one in use. ``poses`` are topics of
-    poses beside TF.
+    ``lasers`` are all that could be it, best first; ``laser`` is the one that is used. ``poses``
+    tell where something is, beside TF. ``calibrations`` are others of the same images.
+    ``body_frame`` is the images' frame where it has a body's axes, else empty.
     """
 
     depth: Topic | None
@@ -133,6 +134,8 @@ class Roles:
     transforms: tuple[Topic, ...]
     lasers: tuple[Topic, ...] = ()
     poses: tuple[Topic, ...] = ()
+    calibrations: tuple[Topic, ...] = ()
+    body_frame: str = ""
 
     @property
     def is_own_calibration(self) -> bool:
@@ -248,6 +251,11 @@ def find_roles(
                     "was taken, and may be another camera's (--set topics.calibration=TOPIC).",
                 )
             )
+    others = tuple(
+        topic
+        for topic in calibrations
+        if topic is not calibration and topic.frame_id == depth.frame_id and not config.calibration
+    )
     colour = given("colour", config.colour, shows_colour)
     if colour is None:
         colours = [topic for topic in topics if shows_colour(topic)]
@@ -255,7 +263,8 @@ def find_roles(
         if related or len({topic.camera for topic in colours}) == 1:
             colour = min(related or colours, key=lambda topic: _colour_rank(topic, depth))
     first = next(iter(lasers), None)
-    roles = Roles(depth, calibration, colour, first, _tf(topics), lasers, _poses(topics, config))
+    poses = _poses(topics, config)
+    roles = Roles(depth, calibration, colour, first, _tf(topics), lasers, poses, others)
     return roles, warnings
 
 
@@ -489,6 +498,8 @@ def camera_frame(roles: Roles, frames: Collection[str]) -> str:
     """Return the depth camera's frame: the images', or the calibration's if TF has only that."""
     assert roles.depth is not None
     assert roles.calibration is not None
+    if roles.body_frame:
+        return _optical_frame(roles.body_frame)
     own, calibrated = roles.depth.frame_id, roles.calibration.frame_id
     return calibrated if calibrated and own not in frames and calibrated in frames else own
 
@@ -496,12 +507,19 @@ def camera_frame(roles: Roles, frames: Collection[str]) -> str:
 def implied_transforms(roles: Roles) -> tuple[TransformStamped, ...]:
     """Return the poses that follow from the messages: a body's camera looks along its x axis."""
     first = roles.depth.first if roles.depth is not None else None
-    if not isinstance(first, CloudImage) or first.body_frame is None:
+    if roles.body_frame:
+        body, optical = roles.body_frame, _optical_frame(roles.body_frame)
+    elif isinstance(first, CloudImage) and first.body_frame is not None:
+        body, optical = first.body_frame, first.frame_id
+    else:
         return ()
     nowhere, turn = (0.0, 0.0, 0.0), (-0.5, 0.5, -0.5, 0.5)
-    return (
-        TransformStamped(first.stamp_ns, first.body_frame, first.frame_id, nowhere, turn, True),
-    )
+    return (TransformStamped(0, body, optical, nowhere, turn, True),)
+
+
+def _optical_frame(body: str) -> str:
+    """Return the name of the optical frame in the place of a body's."""
+    return f"{body}_optical_axes"
 
 
 def missing_roles(source: Source, roles: Roles, topics: Sequence[Topic]) -> list[str]:

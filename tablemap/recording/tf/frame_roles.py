@@ -19,7 +19,7 @@ import numpy as np
 
 from tablemap.config import TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
-from tablemap.geometry import Floats
+from tablemap.geometry import Bools, Floats, invert
 from tablemap.recording.tf.frames import Stamps, TransformEdge, TransformTree
 
 MAX_TILT = np.radians(5.0)
@@ -55,6 +55,11 @@ class FrameNames:
     laser: str | None
     base_is_virtual: bool = False
 
+    @property
+    def carrier(self) -> str:
+        """The frame of the TF tree that the base is, or is derived from."""
+        return self.camera if self.base_is_virtual else self.base
+
 
 def find_frames(
     tree: TransformTree, *, camera: str, lasers: Sequence[str], config: TopicsConfig
@@ -75,8 +80,8 @@ def find_frames(
 
 
 def conflicts(tree: TransformTree, names: FrameNames) -> list[ProcessWarning]:
-    """Return a warning for each edge in use that several sources send."""
-    carrier = names.camera if names.base_is_virtual else names.base
+    """Return a warning for each edge that poses rest on, and that several sources send."""
+    carrier = names.carrier
     ends = [(names.fixed, names.camera), (names.fixed, carrier)]
     ends += [(names.odom, carrier)] if names.odom else []
     ends += [(carrier, names.laser)] if names.laser else []
@@ -90,6 +95,26 @@ def conflicts(tree: TransformTree, names: FrameNames) -> list[ProcessWarning]:
         )
         for conflict in said
     ]
+
+
+def fixed_from_bases(
+    tree: TransformTree, names: FrameNames, stamps_ns: Stamps
+) -> tuple[Floats, Bools]:
+    """Return the base's (n, 4, 4) poses in the fixed frame at stamps, and which are known."""
+    poses, valid = tree.lookup(names.fixed, names.carrier, stamps_ns)
+    return (ground_pose(poses) if names.base_is_virtual else poses), valid
+
+
+def base_from(
+    tree: TransformTree, names: FrameNames, frame: str, stamps_ns: Stamps
+) -> tuple[Floats, Bools]:
+    """Return a frame's (n, 4, 4) poses in the base at stamps, and which are known."""
+    if not names.base_is_virtual:
+        return tree.lookup(names.base, frame, stamps_ns)
+    bases, valid = fixed_from_bases(tree, names, stamps_ns)
+    poses, known = tree.lookup(names.fixed, frame, stamps_ns)
+    inverse = np.array([invert(base) for base in bases]).reshape(-1, 4, 4)
+    return inverse @ poses, valid & known
 
 
 def ground_pose(fixed_from_camera: Floats) -> Floats:
