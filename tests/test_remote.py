@@ -184,6 +184,7 @@ def test_runs_are_put_there(tmp_path: Path, server: Server) -> None:
         "size": (tmp_path / "drive.mcap").stat().st_size,
         "sha256": None,
         "together": [],
+        "raw": [],
     }
     assert {file.name for file in run.iterdir()} >= {"run.rrd", "report.html", "config.toml"}
     assert not (run.parent / "latest").is_file()

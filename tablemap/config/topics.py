@@ -33,7 +33,8 @@ class TopicsConfig(Section):
     depth_unit: float = Field(
         default=0.0,
         ge=0,
-        description="metres that a depth value of one stands for; 0: by encoding and floor",
+        description="metres that a depth value of one stands for; 0: by encoding and floor. "
+        "Higher: all depths are longer",
     )
     depth_along: Literal["", "axis", "ray"] = Field(
         default="",
