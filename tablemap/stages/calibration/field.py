@@ -72,11 +72,6 @@ class DepthField:
 
     coefficients: Floats
 
-    @property
-    def is_flat(self) -> bool:
-        """Whether one factor holds for all pixels and distances."""
-        return not np.delete(self.coefficients, 0).any()
-
     def multiplier(self, camera: Camera, depth: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the (height, width) factors of measured depths in metres, NaN where these are."""
         u, v = image_coordinates(camera)
