@@ -11,6 +11,8 @@ Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on 
 ConfigFile = Annotated[
     Path | None, typer.Option("--config", help="Settings in TOML.", metavar="FILE")
 ]
+Strict = Annotated[bool, typer.Option("--strict", help="Exit with 4 where a model is doubtful.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors alone.")]
 Start = Annotated[
     str | None,
     typer.Option(

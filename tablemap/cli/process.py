@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from tablemap import words
-from tablemap.cli.options import ConfigFile, End, Settings, Start, window
+from tablemap.cli.options import ConfigFile, End, Quiet, Settings, Start, Strict, window
 from tablemap.cli.printing import (
     aligned,
     complain,
@@ -89,10 +89,8 @@ def process(
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON line a recording on stdout.")
     ] = False,
-    strict: Annotated[
-        bool, typer.Option("--strict", help="Exit with 4 where a model is doubtful.")
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors alone.")] = False,
+    strict: Strict = False,
+    quiet: Quiet = False,
 ) -> None:
     """Model the table in each RECORDING; every step goes into DIR/<recording>/<run>/run.rrd."""
     from tablemap.archive.publishing import destination

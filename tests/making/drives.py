@@ -11,6 +11,7 @@ from mcap.reader import make_reader
 from rosbags.rosbag1 import Writer as Rosbag1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Rosbag2Writer
+from rosbags.typesys.store import Typestore
 
 from tablemap.recording import Recording
 from tests.making import messages as w
@@ -58,6 +59,20 @@ def seconds(first: float, last: float) -> Keep:
     return lambda time_ns: first <= (time_ns - w.START_NS) / w.SECOND < last
 
 
+def _copy(
+    writer: Rosbag1Writer | Rosbag2Writer,
+    source: Path,
+    typestore: Typestore,
+    keep: Keep = lambda _: True,
+) -> None:
+    connections: dict[str, Any] = {}
+    for topic, name, time_ns, data in _messages(source):
+        if topic not in connections:
+            connections[topic] = writer.add_connection(topic, name, typestore=typestore)
+        if keep(time_ns):
+            writer.write(connections[topic], time_ns, data)
+
+
 def copy_to_bag(
     source: Path, bag: Path, *, compression: Rosbag1Writer.CompressionFormat | None = None
 ) -> None:
@@ -67,11 +82,7 @@ def copy_to_bag(
     if compression is not None:
         writer.set_compression(compression)
     with writer:
-        connections: dict[str, Any] = {}
-        for topic, name, time_ns, data in _messages(source):
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, name, typestore=w.ROS1)
-            writer.write(connections[topic], time_ns, data)
+        _copy(writer, source, w.ROS1)
 
 
 def copy_to_bag2(
@@ -90,12 +101,7 @@ def copy_to_bag2(
     if compression is not CompressionMode.NONE:
         writer.set_compression(compression, CompressionFormat.ZSTD)
     with writer:
-        connections: dict[str, Any] = {}
-        for topic, name, time_ns, data in _messages(source):
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, name, typestore=w.ROS2)
-            if keep(time_ns):
-                writer.write(connections[topic], time_ns, data)
+        _copy(writer, source, w.ROS2, keep)
     (file,) = (each for each in folder.iterdir() if each.name != "metadata.yaml")
     return file
 

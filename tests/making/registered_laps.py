@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from tablemap.config import OdometryConfig, RegistrationConfig, SensorsConfig
 from tablemap.errors import EstimationError
-from tablemap.events import ignore
+from tablemap.events import Record, ignore
 from tablemap.stages.odometry import Odometry, estimate_odometry
 from tablemap.stages.outline import Outline
 from tablemap.stages.registration import Registration, register
@@ -20,15 +20,20 @@ def no_edges() -> Outline:
     raise EstimationError("no edges of the table top")
 
 
-def carried(drive: Drive) -> Odometry:
-    """Return the wheels as odometry: its own tests are elsewhere."""
+def estimated(drive: Drive, record: Record = ignore) -> Odometry:
+    """Run odometry over a drive."""
     return estimate_odometry(
-        replace(drive, laser=False).recording(),
+        drive.recording(),
         drive.snapshots(),
         config=OdometryConfig(),
         sensors=SENSORS,
-        record=ignore,
+        record=record,
     )
+
+
+def carried(drive: Drive) -> Odometry:
+    """Return the wheels as odometry: its own tests are elsewhere."""
+    return estimated(replace(drive, laser=False))
 
 
 def run(

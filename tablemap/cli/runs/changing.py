@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from tablemap.cli.options import Json
+from tablemap.cli.options import Json, Quiet, Strict
 from tablemap.cli.printing import (
     complain,
     exit_code,
@@ -35,10 +35,8 @@ def reprocess(
         typer.Option("--output", "-o", help="Folder of run folders; else RUN's.", metavar="DIR"),
     ] = None,
     as_json: Json = False,
-    strict: Annotated[
-        bool, typer.Option("--strict", help="Exit with 4 where a model is doubtful.")
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors alone.")] = False,
+    strict: Strict = False,
+    quiet: Quiet = False,
 ) -> None:
     """Process a RUN's recording again by its own settings, but for what is changed."""
     from tablemap.archive import load_run

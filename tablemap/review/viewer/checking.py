@@ -6,7 +6,7 @@ import subprocess
 from pathlib import Path
 
 from tablemap.errors import ExternalToolError
-from tablemap.review.viewer.viewer import viewer_environment, viewer_program
+from tablemap.review.viewer.viewer import rrd_tool
 
 MOST_SECONDS = 600
 
@@ -17,15 +17,7 @@ def damage_of(file: Path) -> str | None:
     Raises `ExternalToolError` if the tool is missing or does not end.
     """
     try:
-        done = subprocess.run(
-            [str(viewer_program()), "rrd", "verify", str(file)],
-            env=viewer_environment(),
-            capture_output=True,
-            text=True,
-            errors="replace",
-            check=False,
-            timeout=MOST_SECONDS,
-        )
+        done = rrd_tool("verify", file, seconds=MOST_SECONDS)
     except (OSError, subprocess.TimeoutExpired) as error:
         raise ExternalToolError(f"`rerun rrd verify` cannot be run ({error}): {file}") from error
     if done.returncode == 0:

@@ -46,6 +46,24 @@ def viewer_program() -> Path:
     return folder / name
 
 
+def rrd_tool(
+    *arguments: str | Path, seconds: float | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run one of the viewer's tools for files, and wait for it, ``seconds`` at most.
+
+    Raises `ExternalToolError` if there is no viewer.
+    """
+    return subprocess.run(
+        [str(viewer_program()), "rrd", *map(str, arguments)],
+        env=viewer_environment(),
+        capture_output=True,
+        text=True,
+        errors="replace",
+        check=False,
+        timeout=seconds,
+    )
+
+
 def launch(
     *arguments: str, stdin: int | None = None, stderr: int = subprocess.DEVNULL
 ) -> subprocess.Popen[bytes]:
@@ -103,14 +121,7 @@ def mended(file: Path, folder: Path) -> Path:
         if stream.read(len(MAGIC)) != MAGIC:
             raise ExternalToolError(f"expected an .rrd, found something else: {file}")
     copy = folder / file.name
-    done = subprocess.run(
-        [str(viewer_program()), "rrd", "optimize", str(file), "-o", str(copy)],
-        env=viewer_environment(),
-        capture_output=True,
-        text=True,
-        errors="replace",
-        check=False,
-    )
+    done = rrd_tool("optimize", file, "-o", copy)
     if done.returncode != 0 or not copy.is_file():
         raise ExternalToolError(f"nothing can be read from this file, which was cut short: {file}")
     return copy

@@ -15,13 +15,13 @@ from tablemap.stages.legs.depth import Post
 from tablemap.stages.legs.evidence import STOP_POSITION_SIGMA
 from tablemap.stages.legs.fit import Fit, Priors, criterion, fit_alone
 from tablemap.stages.legs.layout import Frame, symmetric_sets
-from tablemap.stages.legs.primitives import described
 from tablemap.stages.legs.result import Leg, RejectedCluster
 from tablemap.stages.legs.scans import Scans
-from tablemap.stages.surface import Figure
+from tablemap.stages.legs.shapes import measured_leg
 
 DEPTH_SYMMETRY = 0.05
 """Legs that depth placed are partners if nearer than this to each other's mirror image, metres."""
+_WIDER = 1.5  # times a silhouette's error, that of a size between two silhouettes
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +66,7 @@ def accept_posts(
     places = np.array([f.place for f in fitted] + [[leg.x, leg.y] for leg in legs]).reshape(-1, 2)
     sets = symmetric_sets(frame, places, DEPTH_SYMMETRY)
     partners = {i for members, _ in sets for i in members}
+    silhouette = sensors.depth_silhouette_sigma
     found = []
     for i, one in enumerate(fitted):
         corner, central = frame.near_corner(one.place), frame.is_central(one.place)
@@ -76,7 +77,18 @@ def accept_posts(
         elif one.post.views < 2 and i not in partners:
             refused.append(_refused(one.post, "seen by depth from one view alone"))
         elif central or (corner and i in partners):
-            found.append(_leg(one, sensors))
+            found.append(
+                measured_leg(
+                    one.fit,
+                    0,
+                    points=one.post.points[:, :2],
+                    views=one.post.views,
+                    systematic=silhouette,
+                    # A depth camera makes all silhouettes wider: this error does not average out.
+                    size_systematic=_WIDER * silhouette,
+                    seen_by="depth",
+                )
+            )
         elif not corner:
             refused.append(_refused(one.post, "seen by depth, away from corners and middle"))
         else:
@@ -115,26 +127,3 @@ def _fitted(post: Post, frame: Frame, sensors: SensorsConfig) -> Fit:
         for kind in (CIRCLE, SQUARE)
     ]
     return min(fits, key=criterion)
-
-
-def _leg(one: _Fitted, sensors: SensorsConfig) -> Leg:
-    values = one.fit.parameters[0]
-    sigma = np.sqrt(np.maximum(np.diag(one.fit.covariance[0]), 0.0))
-    # A depth camera makes all silhouettes wider: this error does not average out.
-    size = Figure(float(values[2]), float(np.hypot(sigma[2], 1.5 * sensors.depth_silhouette_sigma)))
-    place = float(
-        np.sqrt(0.5 * (sigma[0] ** 2 + sigma[1] ** 2) + sensors.depth_silhouette_sigma**2)
-    )
-    shape, yaw, sides = described(one.fit.kind, values)
-    return Leg(
-        shape=shape,
-        x=float(values[0]),
-        y=float(values[1]),
-        yaw=yaw,
-        status="measured",
-        position_sigma=place,
-        dimensions=dict.fromkeys(sides, size),
-        points=one.post.points[:, :2],
-        views=one.post.views,
-        seen_by="depth",
-    )

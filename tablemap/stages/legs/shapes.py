@@ -16,7 +16,7 @@ from tablemap.stages.legs.evidence import LegEvidence
 from tablemap.stages.legs.fit import Fit, Priors, criterion, fit_shapes
 from tablemap.stages.legs.layout import Frame
 from tablemap.stages.legs.primitives import described, has_yaw, sizes_of
-from tablemap.stages.legs.result import Leg
+from tablemap.stages.legs.result import Leg, SeenBy
 from tablemap.stages.legs.scans import Scans
 from tablemap.stages.registration import Registration
 from tablemap.stages.surface import Figure
@@ -57,14 +57,16 @@ def refine(
         evidence = _weighted(evidence, rough, scans)
         fit = _best(group, evidence, tuple(group[0].fits), information, frame, sensors)
         legs += [
-            _leg(
+            measured_leg(
                 fit,
                 i,
-                candidate,
-                _systematic(candidate, registration, frame, sensors),
-                _SIZE_SYSTEMATIC,
+                points=candidate.points,
+                views=seen.stops,
+                systematic=_systematic(candidate, registration, frame, sensors),
+                size_systematic=_SIZE_SYSTEMATIC,
+                seen_by="laser",
             )
-            for i, candidate in enumerate(group)
+            for i, (candidate, seen) in enumerate(zip(group, evidence, strict=True))
         ]
         if beam is None:
             beam, bias = fit.beam_half_width, fit.range_bias
@@ -216,18 +218,25 @@ def _systematic(
     return sensors.laser_range_scale_sigma * float(np.linalg.norm(candidate.place - middle))
 
 
-def _leg(
-    fit: Fit, row: int, candidate: LegCandidate, systematic: float, size_systematic: float
+def measured_leg(
+    fit: Fit,
+    row: int,
+    *,
+    points: Floats,
+    views: int,
+    systematic: float,
+    size_systematic: float,
+    seen_by: SeenBy,
 ) -> Leg:
-    values, covariance = fit.parameters[row], fit.covariance[row]
-    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    """Return the leg that row ``row`` of a fit describes.
+
+    ``points`` (n, 2) are its evidence in the map, ``views`` the stops and drives that saw it.
+    ``systematic`` and ``size_systematic`` (metres) are what no residual shows of place and size.
+    """
+    values = fit.parameters[row]
+    sigma = np.sqrt(np.maximum(np.diag(fit.covariance[row]), 0.0))
     place = float(np.sqrt(0.5 * (sigma[0] ** 2 + sigma[1] ** 2) + systematic**2))
-
-    def figure(i: int) -> Figure:
-        return Figure(float(values[i]), float(np.hypot(sigma[i], size_systematic)))
-
     shape, yaw, sides = described(fit.kind, values)
-    assert candidate.evidence is not None
     return Leg(
         shape=shape,
         x=float(values[0]),
@@ -235,8 +244,12 @@ def _leg(
         yaw=yaw,
         status="measured",
         position_sigma=place,
-        dimensions={name: figure(i) for name, i in sides.items()},
-        points=candidate.points,
-        views=candidate.evidence.stops,
-        scale_sigma=systematic,
+        dimensions={
+            name: Figure(float(values[i]), float(np.hypot(sigma[i], size_systematic)))
+            for name, i in sides.items()
+        },
+        points=points,
+        views=views,
+        seen_by=seen_by,
+        scale_sigma=systematic if seen_by == "laser" else 0.0,
     )

@@ -6,34 +6,25 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from tablemap.config import OdometryConfig, SensorsConfig
+from tablemap.config import OdometryConfig
 from tablemap.geometry import Pose2
 from tablemap.stages.odometry import (
     Odometry,
     OdometryMap,
     OdometryScan,
     Trajectory,
-    estimate_odometry,
     points_in_base,
 )
 from tablemap.stages.odometry.constraint import constrained, held_share
 from tablemap.stages.odometry.placing import EVENT_MAPS, EVENT_POINTS
+from tests.making.registered_laps import estimated
 from tests.making.rooms import BASE_FROM_LASER, Drive, corridor, relative_errors, room
-
-SENSORS = SensorsConfig()
 
 
 def estimate(drive: Drive) -> tuple[Odometry, list[object]]:
     """Run odometry over a drive and return it with its events."""
     events: list[object] = []
-    odometry = estimate_odometry(
-        drive.recording(),
-        drive.snapshots(),
-        config=OdometryConfig(),
-        sensors=SENSORS,
-        record=events.append,
-    )
-    return odometry, events
+    return estimated(drive, events.append), events
 
 
 def at_stops(odometry: Odometry, drive: Drive) -> np.ndarray:

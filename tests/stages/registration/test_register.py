@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tablemap.config import OdometryConfig, RegistrationConfig, SensorsConfig
+from tablemap.config import RegistrationConfig, SensorsConfig
 from tablemap.errors import EstimationError
 from tablemap.events import ignore
 from tablemap.geometry import Pose2
-from tablemap.stages.odometry import Trajectory, estimate_odometry
+from tablemap.stages.odometry import Trajectory
 from tablemap.stages.registration import PairIteration, Registration, register
 from tests.making.casting import Box
-from tests.making.registered_laps import carried, no_edges, run, small
+from tests.making.registered_laps import carried, estimated, no_edges, run, small
 from tests.making.rooms import Drive, corridor, relative_errors
 
 SENSORS = SensorsConfig()
@@ -146,14 +146,7 @@ def test_along_a_corridor_the_sigma_says_what_is_not_known(leg: float) -> None:
     drive = Drive(
         corridor(yaw, leg=leg), seed=4, stops=6, standing_s=0.6, rate_hz=10, wheel_error=0.01
     )
-    odometry = estimate_odometry(
-        drive.recording(),
-        drive.snapshots(),
-        config=OdometryConfig(),
-        sensors=SENSORS,
-        record=ignore,
-    )
-    result, _ = run(drive, odometry)
+    result, _ = run(drive, estimated(drive))
     truth = drive.truth()
     found = np.array([pose.as_array() for pose in result.map_from_base])
     # The headings, which the walls give, bring both into one frame; the mean place is free.
