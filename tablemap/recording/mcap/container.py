@@ -22,18 +22,11 @@ from tablemap.config.limits import MIB
 from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.geometry import Ints
 from tablemap.recording.mcap.chunks import Unpacked, parse_chunk, unpack
-from tablemap.recording.mcap.index import (
-    MAGIC,
-    PARSE_ERRORS,
-    Losses,
-    Span,
-    Totals,
-    no_time,
-    read_summary,
-    read_through,
-)
+from tablemap.recording.mcap.index import MAGIC, PARSE_ERRORS, Losses, Span, Totals, no_time
+from tablemap.recording.mcap.rebuilding import read_through
 from tablemap.recording.mcap.records import RECORD_HEADER, DamageError, Messages, stream_of
 from tablemap.recording.mcap.salvage import Sieve, records_of
+from tablemap.recording.mcap.summary import read_summary
 from tablemap.recording.raw import Channel, RawMessage
 
 MAX_HELD_BYTES = 256 * MIB
