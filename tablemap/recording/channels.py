@@ -13,9 +13,10 @@ from tablemap.recording.calibrations import is_same
 from tablemap.recording.decoding import CALIBRATION, TRANSFORMS, Decoder, DecodingError
 from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan, Pose
 from tablemap.recording.raw import RawMessage, Source
+from tablemap.recording.roles import Roles, implied_transforms
 from tablemap.recording.tf.collector import TransformCollector
 from tablemap.recording.tf.frames import Stamps
-from tablemap.recording.topics import Roles, Topic, decoders_of, implied_transforms
+from tablemap.recording.topics import Topic, decoders_of
 
 _BEHIND_STAMP = 12  # bytes, of ROS's messages that begin with a header
 _REORDERED = 16  # depth images held back to come out by their stamps

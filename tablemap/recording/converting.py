@@ -23,8 +23,9 @@ from tablemap.recording.carried import SCHEMA, TOPIC, carried_warnings
 from tablemap.recording.decoding import COMPRESSED, IMAGE, POINTS
 from tablemap.recording.packing import unpacked_message
 from tablemap.recording.raw import Channel, RawMessage, Source
+from tablemap.recording.roles import find_roles, missing_roles
 from tablemap.recording.sources import open_source
-from tablemap.recording.topics import Topic, find_roles, list_topics, missing_roles
+from tablemap.recording.topics import Topic, list_topics
 from tablemap.recording.window import windowed
 from tablemap.version import __version__
 

@@ -24,19 +24,12 @@ from tablemap.recording.pose_topics import read_poses
 from tablemap.recording.raw import Channel, Source
 from tablemap.recording.rectification import rectification
 from tablemap.recording.robots import Placed, placed
+from tablemap.recording.roles import Roles, find_roles, implied_transforms, missing_roles
 from tablemap.recording.sources import open_source
 from tablemap.recording.tf.collector import TransformCollector
 from tablemap.recording.tf.frame_roles import FrameNames
 from tablemap.recording.tf.poses import PoseTrack
-from tablemap.recording.topics import (
-    Roles,
-    Topic,
-    decoders_of,
-    find_roles,
-    implied_transforms,
-    list_topics,
-    missing_roles,
-)
+from tablemap.recording.topics import Topic, decoders_of, list_topics
 from tablemap.recording.window import windowed
 
 _MOST_PLACES = 64  # places of a long recording at which transforms are read for the TF tree

@@ -24,9 +24,9 @@ from tablemap.recording.depth_meaning import (
 )
 from tablemap.recording.floor import MOST_VIEWS, FloorView, floor_ratio, floor_slope, thinned
 from tablemap.recording.messages import CameraInfo, CloudImage, CompressedImage, Image
+from tablemap.recording.roles import Roles
 from tablemap.recording.tf.frame_roles import FrameNames, base_from, fixed_from_bases
 from tablemap.recording.tf.frames import TransformTree
-from tablemap.recording.topics import Roles
 
 _SAME_LEVEL = 0.02  # metres between the base's origin and the fixed frame's z = 0
 

@@ -26,18 +26,13 @@ from tablemap.recording.pose_topics import read_poses
 from tablemap.recording.raw import Source
 from tablemap.recording.rectification import Rectification
 from tablemap.recording.robots import placed
+from tablemap.recording.roles import Roles, find_roles, implied_transforms, missing_roles
 from tablemap.recording.silence import is_silent, sweep_that_can_be
 from tablemap.recording.sources import open_source
 from tablemap.recording.tf.frame_roles import FrameNames, base_from, fixed_from_bases, pose_stamps
 from tablemap.recording.tf.frames import Stamps
 from tablemap.recording.tf.poses import PoseTrack
-from tablemap.recording.topics import (
-    Roles,
-    find_roles,
-    implied_transforms,
-    list_topics,
-    missing_roles,
-)
+from tablemap.recording.topics import list_topics
 from tablemap.recording.window import windowed
 
 

@@ -13,11 +13,12 @@ from pathlib import Path
 from tablemap.config import TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.recording.extrinsics import read_extrinsics
+from tablemap.recording.roles import Roles, camera_frame, with_laser
 from tablemap.recording.tf.collector import TransformCollector
 from tablemap.recording.tf.frame_roles import FrameNames, conflicts, find_frames
 from tablemap.recording.tf.frames import TransformTree
 from tablemap.recording.tf.poses import PoseTrack, completed, with_extrinsics
-from tablemap.recording.topics import Roles, Topic, camera_frame, with_laser
+from tablemap.recording.topics import Topic
 
 
 @dataclass(frozen=True, eq=False)
