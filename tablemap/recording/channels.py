@@ -10,8 +10,16 @@ from numpy.typing import ArrayLike
 
 from tablemap.config import LimitsConfig
 from tablemap.recording.calibrations import is_same
-from tablemap.recording.decoding import CALIBRATION, TRANSFORMS, Decoder, DecodingError
-from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan, Pose
+from tablemap.recording.decoding import Decoder
+from tablemap.recording.kinds import CALIBRATION, TRANSFORMS
+from tablemap.recording.messages import (
+    CameraInfo,
+    CompressedImage,
+    DecodingError,
+    Image,
+    LaserScan,
+    Pose,
+)
 from tablemap.recording.raw import RawMessage, Source
 from tablemap.recording.roles import Roles, implied_transforms
 from tablemap.recording.tf.collector import TransformCollector

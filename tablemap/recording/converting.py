@@ -20,7 +20,7 @@ from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.files import whole_file
 from tablemap.inputs import AnyInput, Input
 from tablemap.recording.carried import SCHEMA, TOPIC, carried_warnings
-from tablemap.recording.decoding import COMPRESSED, IMAGE, POINTS
+from tablemap.recording.kinds import COMPRESSED, IMAGE, POINTS
 from tablemap.recording.packing import unpacked_message
 from tablemap.recording.raw import Channel, RawMessage, Source
 from tablemap.recording.roles import find_roles, missing_roles

@@ -14,8 +14,7 @@ import numpy as np
 import PIL.Image
 from numpy.typing import NDArray
 
-from tablemap.recording.decoding import DecodingError
-from tablemap.recording.messages import CompressedImage, Image
+from tablemap.recording.messages import CompressedImage, DecodingError, Image
 from tablemap.recording.rvl import decode_rvl
 
 _FARTHEST = 1e5  # no camera measures so far, even if the values are in millimetres by mistake

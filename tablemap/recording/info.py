@@ -15,11 +15,18 @@ from tablemap.errors import ProcessWarning, RecordingError, with_damage
 from tablemap.inputs import AnyInput, Input
 from tablemap.recording.calibrations import valid_calibrations
 from tablemap.recording.carried import carried_warnings
-from tablemap.recording.decoding import Decoder, DecodingError, Message
+from tablemap.recording.decoding import Decoder
 from tablemap.recording.depth import decode_depth, depth_encoding
 from tablemap.recording.floor import MOST_VIEWS
 from tablemap.recording.judgement import judged, sampled
-from tablemap.recording.messages import CameraInfo, CompressedImage, Image, LaserScan
+from tablemap.recording.messages import (
+    CameraInfo,
+    CompressedImage,
+    DecodingError,
+    Image,
+    LaserScan,
+    Message,
+)
 from tablemap.recording.pose_topics import read_poses
 from tablemap.recording.raw import Channel, Source
 from tablemap.recording.rectification import rectification

@@ -12,7 +12,6 @@ from tablemap.config import TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.geometry import Floats, Ints
 from tablemap.recording.calibrations import Calibrations, dissenting, stated
-from tablemap.recording.decoding import DecodingError
 from tablemap.recording.depth import decode_depth, depth_encoding
 from tablemap.recording.depth_meaning import (
     AGREED,
@@ -23,7 +22,13 @@ from tablemap.recording.depth_meaning import (
     judge,
 )
 from tablemap.recording.floor import MOST_VIEWS, FloorView, floor_ratio, floor_slope, thinned
-from tablemap.recording.messages import CameraInfo, CloudImage, CompressedImage, Image
+from tablemap.recording.messages import (
+    CameraInfo,
+    CloudImage,
+    CompressedImage,
+    DecodingError,
+    Image,
+)
 from tablemap.recording.roles import Roles
 from tablemap.recording.tf.frame_roles import FrameNames, base_from, fixed_from_bases
 from tablemap.recording.tf.frames import TransformTree

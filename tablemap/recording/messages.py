@@ -135,3 +135,10 @@ class TransformStamped:
     translation: tuple[float, float, float]
     rotation: tuple[float, float, float, float]
     is_static: bool
+
+
+Message = Image | CompressedImage | CameraInfo | LaserScan | Pose | tuple[TransformStamped, ...]
+
+
+class DecodingError(Exception):
+    """A message that is not what its schema says; the text completes "it ..."."""

@@ -8,8 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from tablemap.config import LimitsConfig
-from tablemap.recording.decoding import DecodingError
-from tablemap.recording.messages import Pose
+from tablemap.recording.messages import DecodingError, Pose
 from tablemap.recording.raw import RawMessage, Source
 from tablemap.recording.tf.collector import FARTHEST
 from tablemap.recording.tf.poses import PoseTrack

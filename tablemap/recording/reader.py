@@ -17,11 +17,17 @@ from tablemap.inputs import AnyInput, Input
 from tablemap.recording.calibrations import Calibrations, valid_calibrations
 from tablemap.recording.carried import carried_warnings
 from tablemap.recording.channels import Channels, Stamped, only
-from tablemap.recording.decoding import DecodingError
 from tablemap.recording.depth import decode_depth
 from tablemap.recording.depth_meaning import DepthMeaning
 from tablemap.recording.judgement import Sample, judged, sampled, spread
-from tablemap.recording.messages import CameraInfo, CloudImage, CompressedImage, Image, LaserScan
+from tablemap.recording.messages import (
+    CameraInfo,
+    CloudImage,
+    CompressedImage,
+    DecodingError,
+    Image,
+    LaserScan,
+)
 from tablemap.recording.pose_topics import read_poses
 from tablemap.recording.raw import Source
 from tablemap.recording.rectification import Rectification

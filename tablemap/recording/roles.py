@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 from tablemap.config import TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
-from tablemap.recording.decoding import CALIBRATION, TRANSFORMS
 from tablemap.recording.depth import depth_encoding, is_lossless
+from tablemap.recording.kinds import CALIBRATION, TRANSFORMS
 from tablemap.recording.messages import (
     CameraInfo,
     CloudImage,

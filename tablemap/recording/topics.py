@@ -14,9 +14,17 @@ from dataclasses import dataclass
 
 from tablemap.config import LimitsConfig
 from tablemap.errors import RecordingError
-from tablemap.recording.decoding import Decoder, DecodingError, Message, kind_of
+from tablemap.recording.decoding import Decoder
 from tablemap.recording.depth import depth_encoding
-from tablemap.recording.messages import CameraInfo, CloudImage, CompressedImage, Image
+from tablemap.recording.kinds import kind_of
+from tablemap.recording.messages import (
+    CameraInfo,
+    CloudImage,
+    CompressedImage,
+    DecodingError,
+    Image,
+    Message,
+)
 from tablemap.recording.raw import Channel, Source
 from tablemap.recording.rectification import flaw
 

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 
 from tablemap.errors import RecordingError
 from tablemap.geometry import Ints
-from tablemap.recording.decoding import CALIBRATION, TRANSFORMS, kind_of
+from tablemap.recording.kinds import CALIBRATION, TRANSFORMS, kind_of
 from tablemap.recording.raw import Channel, RawMessage, Source
 
 _EPOCH_SECONDS = 1e8  # numbers beyond are no seconds of a drive, but Unix time

@@ -19,8 +19,9 @@ from rosbags.rosbag2 import Writer as Rosbag2Writer
 
 from tablemap.errors import RecordingError
 from tablemap.recording import inspect, open_recording
-from tablemap.recording.decoding import Decoder, DecodingError
+from tablemap.recording.decoding import Decoder
 from tablemap.recording.mcap.container import Container
+from tablemap.recording.messages import DecodingError
 from tests.making import messages as w
 from tests.making.drives import check_drive
 
