@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tablemap.config import LimitsConfig, TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError, damage_named
-from tablemap.geometry import Bools, Floats
+from tablemap.geometry import Floats
 from tablemap.inputs import AnyInput, Input
 from tablemap.recording.calibrations import Calibrations, valid_calibrations
 from tablemap.recording.carried import carried_warnings
@@ -31,13 +31,13 @@ from tablemap.recording.messages import (
 from tablemap.recording.pose_topics import read_poses
 from tablemap.recording.raw import Source
 from tablemap.recording.rectification import Rectification
+from tablemap.recording.robot_poses import RobotPoses
 from tablemap.recording.robots import placed
 from tablemap.recording.roles import Roles, find_roles, implied_transforms, missing_roles
 from tablemap.recording.silence import is_silent, sweep_that_can_be
 from tablemap.recording.sources import open_source
-from tablemap.recording.tf.frame_roles import FrameNames, base_from, fixed_from_bases, pose_stamps
+from tablemap.recording.tf.frame_roles import FrameNames, pose_stamps
 from tablemap.recording.tf.frames import Stamps
-from tablemap.recording.tf.poses import PoseTrack
 from tablemap.recording.topics import list_topics
 from tablemap.recording.window import windowed
 
@@ -60,7 +60,7 @@ class DepthFrame:
     base_from_camera: Floats
 
 
-class Recording:
+class Recording(RobotPoses):
     """An opened recording. Iterators stream; only the TF tree and the index stay in memory.
 
     All problems (cut files, bad checksums, undecodable messages) are appended to ``warnings`` when
@@ -68,11 +68,9 @@ class Recording:
     """
 
     input: Input
-    names: FrameNames
     start_ns: int
     end_ns: int
     warnings: list[ProcessWarning]
-    _localisation: PoseTrack | None = None
 
     def __init__(
         self,
@@ -138,7 +136,7 @@ class Recording:
         assert self.roles.depth is not None
         topic = self.roles.depth.name
         due = only(self._depth, stamps_ns)
-        placed = self._base_from(self.names.camera, due.stamps_ns)
+        placed = self.base_from_cameras(due.stamps_ns)
         order = {int(stamp): place for place, stamp in enumerate(due.stamps_ns)}
         unplaced = 0
         unfit: list[str] = []
@@ -230,64 +228,6 @@ class Recording:
                 )
             yield scan
 
-    # Poses.
-
-    def base_from_laser(self, stamp_ns: int) -> Floats:
-        """Return the (4, 4) pose of the laser in the base.
-
-        Raises `RecordingError` without a laser, or if its pose is unknown at the stamp.
-        """
-        if self.names.laser is None:
-            raise RecordingError("The recording has no laser whose place is known.")
-        poses, valid = self._base_from(self.names.laser, np.array([stamp_ns]))
-        if not valid[0]:
-            raise RecordingError(f"The laser's pose is not known at {stamp_ns} ns.")
-        return np.array(poses[0])
-
-    def base_from_cameras(self, stamps_ns: ArrayLike) -> tuple[Floats, Bools]:
-        """Return the optical frame's (n, 4, 4) poses in the base, and which of them are known."""
-        return self._base_from(self.names.camera, np.asarray(stamps_ns, dtype=np.int64))
-
-    def fixed_from_base(self, stamp_ns: int) -> Floats | None:
-        """Return the localised (4, 4) pose of the base, or None where it is not known."""
-        poses, valid = self.fixed_from_bases([stamp_ns])
-        return poses[0] if valid[0] else None
-
-    def fixed_from_bases(self, stamps_ns: ArrayLike) -> tuple[Floats, Bools]:
-        """Return the localised (n, 4, 4) poses at (n,) stamps, and which of them are known."""
-        return fixed_from_bases(self.tree, self.names, np.asarray(stamps_ns, dtype=np.int64))
-
-    def localised_sigma(self, stamp_ns: int) -> Floats | None:
-        """Return the recorded sigmas of the localised pose: x, y (metres) and yaw (radians).
-
-        None if the poses come from TF, which has no covariances, or none was recorded.
-        """
-        if self._localisation is None:
-            return None
-        sigma = self._localisation.sigmas_at(np.array([stamp_ns], dtype=np.int64))[0]
-        return sigma if np.all(np.isfinite(sigma)) else None
-
-    def odom_from_base(self, stamp_ns: int) -> Floats | None:
-        """Return the wheel odometry's (4, 4) pose, or None without one."""
-        poses, valid = self.odom_from_bases([stamp_ns])
-        return poses[0] if valid[0] else None
-
-    def odom_from_bases(self, stamps_ns: ArrayLike) -> tuple[Floats, Bools]:
-        """Return the wheel odometry's (n, 4, 4) poses, and which of them are known."""
-        stamps = np.asarray(stamps_ns, dtype=np.int64)
-        if self.names.odom is None:
-            nowhere = np.broadcast_to(np.eye(4), (len(stamps), 4, 4))
-            return nowhere, np.zeros(len(stamps), dtype=bool)
-        poses, valid = self.tree.lookup(self.names.odom, self.names.carrier, stamps)
-        if self.names.base_is_virtual:
-            carried, known = self._base_from(self.names.camera, stamps)
-            poses = poses @ np.linalg.inv(carried)
-            valid = valid & known
-        return poses, valid
-
-    def _base_from(self, frame: str, stamps_ns: Stamps) -> tuple[Floats, NDArray[np.bool_]]:
-        return base_from(self.tree, self.names, frame, stamps_ns)
-
     # Opening.
 
     def _check_first_depth(self) -> None:
@@ -323,7 +263,7 @@ class Recording:
         for warning in found.warnings:
             self._say_once(warning.code, warning.message)
         self.tree, self.names, self.roles = found.tree, found.names, found.roles
-        self._localisation = found.localisation
+        self.localisation = found.localisation
 
     def _judge(self, config: TopicsConfig, limits: LimitsConfig) -> DepthMeaning:
         """Judge by the floor what depth means, and which calibration is right; say what differs."""
@@ -348,7 +288,7 @@ class Recording:
         """Return a few depth images that have poses, as they were decoded."""
         assert self.roles.depth is not None
         stamps = self._depth.stamps_ns
-        known = self.fixed_from_bases(stamps)[1] & self._base_from(self.names.camera, stamps)[1]
+        known = self.fixed_from_bases(stamps)[1] & self.base_from_cameras(stamps)[1]
         due = only(self._depth, spread(stamps[known]))
         images = (
             message
