@@ -7,20 +7,16 @@ from __future__ import annotations
 
 import hashlib
 import os
-import platform
 import secrets
 import shutil
 from collections.abc import Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
-from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
-
 from tablemap.archive.liveness import Writer, is_alive
+from tablemap.archive.manifest import LEAVE_A_MODEL, Manifest, RecordingEntry, Status, versions
 from tablemap.config import Config, load_config
 from tablemap.errors import TablemapError
 from tablemap.events import OtherTable
@@ -28,122 +24,19 @@ from tablemap.files import write_whole
 from tablemap.inputs import AnyInput, Input, sha256
 from tablemap.model import TableModel
 from tablemap.paths import AnyPath, as_path
-from tablemap.version import __version__
-from tablemap.words import safe_name, shown_path
+from tablemap.words import safe_name
 
 if TYPE_CHECKING:
     from tablemap.stages.odometry import Trajectory
 
-SCHEMA = "tablemap/manifest/1"
-PACKAGES = (
-    "numpy",
-    "scipy",
-    "open3d-cpu",
-    "open3d",
-    "kiss-icp",
-    "rerun-sdk",
-    "mcap",
-    "rosbags",
-    "shapely",
-)
-
 ADDED = ("exports/", "input/")
 """Folders of a run for files that are added after its end."""
 
-Status = Literal["running", "ok", "partial", "failed", "interrupted"]
 MANIFEST, MODEL, TABLES = "manifest.json", "table.json", "tables"
 LATEST = "latest"
 RESERVE = ".reserve"
 RESERVED_BYTES = 64 * 1024
 """What is kept free for the last files of a run: its manifest and its page."""
-
-LEAVE_A_MODEL: tuple[Status, ...] = ("ok", "partial")
-
-
-class RecordingEntry(BaseModel):
-    """The input of a run.
-
-    ``sha256`` is null until the input was read to its end, or if it is no local file. ``together``
-    are the further files of a drive that has several; size and hash are those of all files.
-    """
-
-    path: str = Field(
-        description="the recording, as it was given or found; bytes that are no text as escapes"
-    )
-    size: int | None = Field(description="bytes of all parts; null where one is no local file")
-    sha256: str | None = Field(
-        description="of the bytes of all parts; null until they were read to their end, or where "
-        "one is no local file"
-    )
-    together: tuple[str, ...] = Field(
-        default=(), description="the further places of a drive that has several"
-    )
-    raw: tuple[str, ...] = Field(
-        default=(), description="the bytes of all places in hexadecimal, where they are no text"
-    )
-
-    @staticmethod
-    def of(recording: Input) -> RecordingEntry:
-        """Return the entry of a recording whose bytes have not been read yet."""
-        places = recording.resolved().places
-        first, *others = map(shown_path, places)
-        raw = () if [first, *others] == list(places) else [os.fsencode(p).hex() for p in places]
-        return RecordingEntry(
-            path=first, size=recording.size(), sha256=None, together=tuple(others), raw=tuple(raw)
-        )
-
-    @property
-    def input(self) -> Input:
-        """All files of the input, as they were read."""
-        try:
-            places = tuple(os.fsdecode(bytes.fromhex(place)) for place in self.raw)
-        except ValueError:
-            places = ()
-        return Input(places or (self.path, *self.together))
-
-
-class Manifest(BaseModel):
-    """What was run on what, and how it ended."""
-
-    model_config = ConfigDict(extra="ignore", populate_by_name=True)
-
-    schema_name: str = Field(SCHEMA, alias="schema", description="name of this schema")
-    run_id: str = Field(
-        description="name of the run and of its folder: when it began, in UTC, and eight random "
-        "hexadecimal digits",
-    )
-    recording: RecordingEntry = Field(description="the input")
-    method: str = Field(description="tablemap, or report: the baseline")
-    tables: Literal["best", "all"] | tuple[float, float] = Field(
-        description="which table: best (the best seen), all, or [x, y]: the nearest to that "
-        "place, metres in the map",
-    )
-    seed: int = Field(description="number that the random draws start from")
-    versions: dict[str, str] = Field(
-        description="of Python, the system, the packages and this one's source, by name"
-    )
-    started: str = Field(description="date and time in UTC, ISO 8601")
-    finished: str | None = Field(
-        default=None,
-        description="date and time in UTC, ISO 8601; null while it runs",
-    )
-    timings: dict[str, float] = Field(default={}, description="seconds of wall time, by stage")
-    writer: Writer | None = Field(
-        default=None, description="the process that writes the run; null in older manifests"
-    )
-    status: Status = Field(
-        default="running",
-        description="running; ok; partial: a model, with a loss on the way; failed; interrupted",
-    )
-    error: str | None = Field(
-        default=None,
-        description="what ended the run, a sentence; null where nothing did",
-    )
-    files: dict[str, str] = Field(
-        default={},
-        description="SHA-256 of each file of the finished run, by its name in the folder; not "
-        "of this one",
-    )
 
 
 class RunFolder:
@@ -427,26 +320,3 @@ def trajectory_tum(trajectory: Trajectory) -> str:
             f"{seconds} {place} {0:.9f} {0:.9f} {np.sin(yaw / 2):.9f} {np.cos(yaw / 2):.9f}"
         )
     return "\n".join(lines) + "\n"
-
-
-@cache
-def versions() -> dict[str, str]:
-    """Return the versions of everything that may change a result, including this package's source.
-
-    The source's digest distinguishes two states of a working copy with the same version.
-    """
-    found = {
-        "python": platform.python_version(),
-        "platform": platform.platform(),
-        "tablemap": __version__,
-    }
-    for package in PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            continue
-    digest = hashlib.sha256()
-    source = Path(__file__).resolve().parent.parent
-    for file in sorted(source.rglob("*.py")):
-        digest.update(file.relative_to(source).as_posix().encode() + b"\0" + file.read_bytes())
-    return {**found, "tablemap source": digest.hexdigest()[:16]}

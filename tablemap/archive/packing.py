@@ -13,7 +13,8 @@ from typing import BinaryIO
 
 import zstandard
 
-from tablemap.archive.folder import LEAVE_A_MODEL, RunFolder, load_run
+from tablemap.archive.folder import RunFolder, load_run
+from tablemap.archive.manifest import LEAVE_A_MODEL
 from tablemap.archive.verification import INPUT, check_files, find_input
 from tablemap.errors import TablemapError
 from tablemap.files import whole_file

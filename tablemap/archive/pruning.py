@@ -9,8 +9,9 @@ from collections.abc import Collection, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
 
-from tablemap.archive.folder import LATEST, LEAVE_A_MODEL, RunFolder, load_run
+from tablemap.archive.folder import LATEST, RunFolder, load_run
 from tablemap.archive.index import RunRow
+from tablemap.archive.manifest import LEAVE_A_MODEL
 from tablemap.archive.selection import started
 from tablemap.errors import ConfigError, TablemapError
 from tablemap.paths import AnyPath, as_path

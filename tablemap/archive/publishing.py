@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from tablemap.archive.folder import LEAVE_A_MODEL, load_run
+from tablemap.archive.folder import load_run
+from tablemap.archive.manifest import LEAVE_A_MODEL
 from tablemap.errors import TablemapError
 from tablemap.remote import RemotePath, is_remote, place_at
 

@@ -23,8 +23,8 @@ def config(
     as_json: Json = False,
 ) -> None:
     """Print every setting as TOML, with what it is: the defaults, a file's and yours."""
-    from tablemap.archive.folder import SCHEMA as MANIFEST_SCHEMA
-    from tablemap.archive.folder import Manifest
+    from tablemap.archive.manifest import SCHEMA as MANIFEST_SCHEMA
+    from tablemap.archive.manifest import Manifest
     from tablemap.config import Config, explain_config, load_config
     from tablemap.evaluation.truth import SCHEMA as TRUTH_SCHEMA
     from tablemap.evaluation.truth import Truth

@@ -17,7 +17,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from tablemap.archive.folder import versions
+from tablemap.archive.manifest import versions
 from tablemap.errors import ExternalToolError
 from tablemap.events import StageStarted
 from tablemap.inputs import AnyInput, Input
@@ -267,7 +267,7 @@ def _versions_there() -> Callable[[], dict[str, str]]:
     """
 
     def look() -> dict[str, str]:
-        from tablemap.archive.folder import versions
+        from tablemap.archive.manifest import versions
 
         return versions()
 

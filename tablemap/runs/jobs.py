@@ -8,7 +8,8 @@ from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from tablemap.archive.folder import LEAVE_A_MODEL, RunFolder, load_run, versions
+from tablemap.archive.folder import RunFolder, load_run
+from tablemap.archive.manifest import LEAVE_A_MODEL, versions
 from tablemap.config import Config, dump_config
 from tablemap.errors import ConfigError, TablemapError
 from tablemap.events import StageStarted

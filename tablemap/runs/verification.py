@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from tablemap.archive.folder import LEAVE_A_MODEL, RunFolder, load_run
+from tablemap.archive.folder import RunFolder, load_run
+from tablemap.archive.manifest import LEAVE_A_MODEL
 from tablemap.archive.verification import Check, check_files, find_input, recorded_input
 from tablemap.errors import RecordingError, TablemapError
 from tablemap.model import TableModel

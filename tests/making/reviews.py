@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rerun.chunk import RrdReader
 
-from tablemap.archive.folder import Manifest, RecordingEntry
+from tablemap.archive.manifest import Manifest, RecordingEntry
 from tablemap.config import ReviewConfig
 from tablemap.review import Reviewer
 from tablemap.review.page.page import Page

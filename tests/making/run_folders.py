@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from tablemap.archive import Manifest, RunFolder
-from tablemap.archive.folder import RecordingEntry, Status, versions
 from tablemap.archive.index import RunRow, read_row
 from tablemap.archive.liveness import Writer
+from tablemap.archive.manifest import RecordingEntry, Status, versions
 from tablemap.config import Config, dump_config
 from tablemap.model import TableModel
 from tablemap.recording import sha256

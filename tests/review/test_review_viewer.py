@@ -11,7 +11,7 @@ import PIL.Image
 import pytest
 from numpy.typing import NDArray
 
-from tablemap.archive.folder import Manifest
+from tablemap.archive.manifest import Manifest
 from tablemap.config import ReviewConfig
 from tablemap.errors import ExternalToolError, TablemapError
 from tablemap.review import Reviewer

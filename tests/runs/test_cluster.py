@@ -202,7 +202,7 @@ def test_an_interruption_reaches_the_workers(address: str, tmp_path: Path) -> No
     [
         ("import sys; sys.modules['tablemap'] = None; " + WORKER, "no tablemap"),
         (
-            "import tablemap.archive.folder as f; f.__version__ = '0.0.0'; " + WORKER,
+            "import tablemap.archive.manifest as f; f.__version__ = '0.0.0'; " + WORKER,
             "another tablemap",
         ),
     ],

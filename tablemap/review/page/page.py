@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from tablemap.archive.folder import Manifest
+from tablemap.archive.manifest import Manifest
 from tablemap.events import OtherTable, RunFailed
 from tablemap.model import TableModel
 from tablemap.model.summary import summary_rows
