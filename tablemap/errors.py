@@ -45,6 +45,12 @@ WARNING_CODES: dict[str, str] = {
     "legs.set_aside": "What stands under or near the top and is no leg of it.",
     "recording.no_pose": "Depth images or a laser were left out, for their pose is not known.",
     "recording.pose_topic": "TF lacks poses; those on a topic of their own were taken.",
+    "recording.odometry_restart": (
+        "The wheel odometry starts again under way; it was joined there, and is no motion."
+    ),
+    "accuracy.odometry_restart": (
+        "The wheel odometry starts again after a gap over which nothing tells the motion."
+    ),
     "calibration.no_floor": "Too little floor was seen to calibrate the camera; TF was believed.",
     "calibration.floor_level": (
         "The floor is not at z = 0 of the fixed frame; heights count from where it is."
@@ -90,6 +96,9 @@ WARNING_CODES: dict[str, str] = {
     "odometry.no_laser": "There is no usable laser; the wheels carry the motion between the stops.",
     "odometry.no_wheels": (
         "There is neither laser nor wheel odometry; the localisation carries the motion."
+    ),
+    "odometry.wheels_disagree": (
+        "Wheels and laser end up metres apart; the laser's motion was taken."
     ),
     "odometry.kept_prior": "Scans that moved too far from their prior were placed by the prior.",
     "registration.no_scan": (

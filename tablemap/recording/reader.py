@@ -261,7 +261,7 @@ class Recording(RobotPoses):
             lambda: read_poses(self.source, self.roles.poses, limits),
         )
         for warning in found.warnings:
-            self._say_once(warning.code, warning.message)
+            self._say_once(warning.code, warning.message, warning.stamp_ns)
         self.tree, self.names, self.roles = found.tree, found.names, found.roles
         self.localisation = found.localisation
 
@@ -335,10 +335,10 @@ class Recording(RobotPoses):
             return Rectification(message.k, None)
         return self._calibrations.rectification(message.stamp_ns, width, height)
 
-    def _say_once(self, code: str, message: str) -> None:
+    def _say_once(self, code: str, message: str, stamp_ns: int | None = None) -> None:
         if message not in self._said:
             self._said.add(message)
-            self.warnings.append(ProcessWarning(code, "recording", message))
+            self.warnings.append(ProcessWarning(code, "recording", message, stamp_ns))
 
     def close(self) -> None:
         """Close the files."""

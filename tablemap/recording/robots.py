@@ -18,6 +18,7 @@ from tablemap.recording.tf.collector import TransformCollector
 from tablemap.recording.tf.frame_roles import FrameNames, conflicts, find_frames
 from tablemap.recording.tf.frames import TransformTree
 from tablemap.recording.tf.poses import PoseTrack, completed, with_extrinsics
+from tablemap.recording.tf.restarts import joined_restarts
 from tablemap.recording.topics import Topic
 
 
@@ -59,6 +60,8 @@ def placed(
     strangers = [topic for topic in roles.lasers if belongs(topic, others)]
     own = [topic.frame_id for topic in roles.lasers if topic not in strangers]
     names = find_frames(tree, camera=camera, lasers=own, config=config)
+    tree, restarts = joined_restarts(tree, names)
+    warnings += restarts
     roles, choices = with_laser(roles, names.laser, strangers)
     warnings += [*choices, *conflicts(tree, names)]
     return Placed(tree, names, roles, localisation, warnings)

@@ -92,6 +92,10 @@ class TransformTree:
         for edge in edges:
             self.edges.setdefault(edge.child, []).append(edge)
 
+    def with_edges(self, edges: Iterable[TransformEdge]) -> TransformTree:
+        """Return a tree of other edges, with the limits of this one."""
+        return TransformTree(edges, self._limits)
+
     @cached_property
     def frames(self) -> tuple[str, ...]:
         """All frames, sorted by name."""

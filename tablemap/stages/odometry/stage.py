@@ -19,9 +19,10 @@ from tablemap.stages.odometry.recorded import (
     thinned_stamps,
 )
 from tablemap.stages.odometry.result import MotionSource, Odometry
-from tablemap.stages.odometry.trajectory import Trajectory
+from tablemap.stages.odometry.trajectory import Trajectory, composed, undone
 from tablemap.stages.snapshots import Snapshot
 
+_APART, _APART_SHARE = 1.0, 0.02  # metres, and share of the way: wheels drift by less
 _OPEN_SHARE = 0.1  # of the way, in one direction: a smaller open share is no corridor
 
 
@@ -55,7 +56,7 @@ def estimate_odometry(
             stamps = np.union1d(thinned_stamps(recording), trajectory.stamps_ns)
             wheels = known_poses(recording.odom_from_bases, stamps)
             trajectory, gaps = bridge(trajectory, wheels, moved=config.moved)
-            warnings += _bridged(trajectory, gaps)
+            warnings += _bridged(trajectory, gaps) + _disagreeing(trajectory, wheels)
         open_way = _open_way(placed, trajectory.stamps_ns)
         warnings += _left_open(trajectory, open_way, "wheels" if on_wheels else "localisation")
     else:
@@ -99,6 +100,26 @@ def _left_open(trajectory: Trajectory, open_way: Floats, prior: str) -> list[Pro
     first = int(np.argmax(np.trace(open_way, axis1=1, axis2=2) > 0))
     stamp_ns = int(trajectory.stamps_ns[first])
     return [ProcessWarning("odometry.left_open", "odometry", message, stamp_ns)]
+
+
+def _disagreeing(trajectory: Trajectory, wheels: Trajectory) -> list[ProcessWarning]:
+    """Warn if the wheels end up metres from the laser, both begun at one pose."""
+    stamps = trajectory.stamps_ns
+    stamps = stamps[(stamps >= wheels.stamps_ns[0]) & (stamps <= wheels.stamps_ns[-1])]
+    rolled = np.array([wheels.at(int(stamp)).as_array() for stamp in stamps])
+    seen = np.array([trajectory.at(int(stamp)).as_array() for stamp in stamps])
+    rolled = composed(seen[0], composed(undone(rolled[0]), rolled))
+    apart = np.linalg.norm((rolled - seen)[:, :2], axis=1)
+    most, way = int(np.argmax(apart)), float(trajectory.way()[-1])
+    if apart[most] <= _APART + _APART_SHARE * way:
+        return []
+    message = (
+        f"wheels and laser come apart by {apart[most]:.1f} m over a drive of {way:.1f} m; the "
+        "laser's motion was taken, which the stops' scans confirm or not: slipping wheels or a "
+        "wrong wheel size would explain it"
+    )
+    code = "odometry.wheels_disagree"
+    return [ProcessWarning(code, "odometry", message, int(stamps[most]))]
 
 
 def _bridged(trajectory: Trajectory, gaps: Ints) -> list[ProcessWarning]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -169,6 +171,17 @@ def test_the_wheels_go_on_after_the_last_scan(lap: tuple[Drive, Odometry, list[o
     place, _ = relative_errors(at_stops(odometry, late), late.truth())
     assert place.max() < 0.08
     assert odometry.trajectory.stamps_ns[0] < drive.stop_stamps[0]
+
+
+def test_wheels_that_end_up_metres_from_the_laser_are_said() -> None:
+    """Wheels of half their size roll twice as far; the laser carries, and that is said."""
+    drive = Drive(room(1), seed=1, stops=6, standing_s=0.6, rate_hz=10)
+    drive.wheel_poses = drive.wheel_poses * [2.0, 2.0, 1.0]
+    odometry, _ = estimate(drive)
+    place, _ = relative_errors(at_stops(odometry, drive), drive.truth())
+    assert place.max() < 0.03
+    (warning,) = (w for w in odometry.warnings if w.code == "odometry.wheels_disagree")
+    assert re.search(r"apart by [2-9]\.\d m over a drive of", warning.message)
 
 
 CORRIDOR_YAW = 0.4
