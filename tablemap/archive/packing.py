@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import secrets
 import shutil
@@ -20,12 +21,22 @@ from tablemap.errors import TablemapError
 from tablemap.files import whole_file
 from tablemap.inputs import files_in
 from tablemap.paths import AnyPath, as_path
+from tablemap.words import shown
 
 SUFFIX = ".tar.zst"
 MANIFEST = "manifest.json"
 """This file is packed last: a packed run that has it is complete."""
 LEVEL = 6
 PIECE = 1 << 20
+
+MOST_BYTES = 64 * 10**9
+"""What a packed run may unpack to."""
+MOST_FILES = 1000
+MOST_LEVELS = 16
+MOST_HEADER_BYTES = 64 * 1024
+"""What may stand between two files: names, times and padding."""
+LAST_SECOND = 2**40
+"""Times of change after this one no file system holds."""
 
 
 def pack(run: AnyPath, target: AnyPath | None = None, *, with_input: bool = False) -> Path:
@@ -75,24 +86,53 @@ def pack(run: AnyPath, target: AnyPath | None = None, *, with_input: bool = Fals
     return target
 
 
-def unpack(file: AnyPath, output: AnyPath = "runs") -> RunFolder:
+def unpack(file: AnyPath, output: AnyPath = "runs", *, most_bytes: int = MOST_BYTES) -> RunFolder:
     """Unpack a run to ``output/<recording>/<run>``; it is checked before it gets that name.
 
-    Raises `TablemapError` if the file is cut off, damaged, or no packed run, if a member would lie
-    outside the run or does not fit on the disk, or if the run is there already.
+    No more is unpacked than the members' headers declare, and than ``most_bytes`` together. Raises
+    `TablemapError` if the file is cut off, damaged, or no packed run, if a member would lie outside
+    the run, has an impossible header or does not fit, or if the run is there already.
     """
     file, output = as_path(file), as_path(output)
     room = output / f".unpacking-{secrets.token_hex(4)}"
     try:
         room.mkdir(parents=True)
-        with _opened(file) as stream, tarfile.open(fileobj=stream, mode="r|") as tar:
-            for member in tar:
-                _extract(tar, member, room, file)
-            _read_to_the_end(stream)
+        with _opened(file) as packed:
+            stream = _Bounded(packed)
+            with tarfile.open(fileobj=stream, mode="r|", bufsize=tarfile.RECORDSIZE) as tar:
+                left = most_bytes
+                for count, member in enumerate(tar):
+                    if count >= MOST_FILES:
+                        raise TablemapError(
+                            f"expected at most {MOST_FILES} files of one run, found more; nothing "
+                            f"was unpacked: {file}"
+                        )
+                    _check_member(member, file)
+                    left -= member.size
+                    if left < 0:
+                        raise TablemapError(
+                            f"expected a run of at most {most_bytes / 1e9:g} GB, found a larger "
+                            "one; nothing was unpacked; if you trust it, raise the limit "
+                            f"(--limit GB): {file}"
+                        )
+                    stream.allow(member.size)
+                    _extract(tar, member, room, file)
+                    stream.allow(0)
+            # The checksum at the frame's end is checked when all before it was read.
+            while stream.read():
+                pass
         return _settle(room, output, file)
-    except (tarfile.TarError, zstandard.ZstdError, EOFError) as error:
+    except (
+        tarfile.TarError,
+        zstandard.ZstdError,
+        EOFError,
+        ValueError,  # from malformed numbers in headers
+        OverflowError,
+        RecursionError,  # from headers of headers
+    ) as error:
         raise TablemapError(
-            f"the packed run is cut off, damaged or none ({error}); nothing was unpacked: {file}"
+            f"the packed run is cut off, damaged or none ({shown(error)}); nothing was unpacked: "
+            f"{file}"
         ) from error
     except OSError as error:
         reason = error.strerror or error
@@ -123,25 +163,62 @@ def _opened(file: Path) -> Iterator[BinaryIO]:
         yield stream
 
 
-def _read_to_the_end(stream: BinaryIO) -> None:
-    """Read the rest after the tar, so that the checksum at the frame's end is checked."""
-    while stream.read(PIECE):
-        pass
+class _Bounded(io.RawIOBase):
+    """A stream that gives no more bytes than were allowed, so that nothing unpacks without end.
+
+    The reader of tars takes headers whole into memory, whatever size they declare.
+    """
+
+    def __init__(self, stream: BinaryIO) -> None:
+        super().__init__()
+        self._stream = stream
+        self.allow(0)
+
+    def allow(self, size: int) -> None:
+        """Allow content of ``size`` bytes, and the headers round it."""
+        # The reader of tars reads whole records, of which it holds one at most.
+        self._left = size + MOST_HEADER_BYTES + 2 * tarfile.RECORDSIZE
+
+    def read(self, size: int = PIECE, /) -> bytes:
+        """Return up to ``size`` bytes. Raises `tarfile.ReadError` for more than was allowed."""
+        data = self._stream.read(size)
+        self._left -= len(data)
+        if self._left < 0:
+            raise tarfile.ReadError(
+                f"headers or padding of more than {MOST_HEADER_BYTES // 1024} KiB"
+            )
+        return data
+
+
+def _check_member(member: tarfile.TarInfo, file: Path) -> None:
+    """Raise `TablemapError` for what is no plain file within one run."""
+    name = PurePosixPath(member.name)
+    inside = 2 < len(name.parts) <= MOST_LEVELS and not any(p.startswith(".") for p in name.parts)
+    is_file = member.isfile() and not member.issparse() and member.size >= 0
+    if not is_file or name.is_absolute() or set("\\\0") & set(member.name) or not inside:
+        raise TablemapError(
+            f"expected files of one run, found {_short(member.name)}; nothing was unpacked: {file}"
+        )
+    if not 0 <= member.mtime < LAST_SECOND:  # neither is one that is no number
+        raise TablemapError(
+            f"expected a time of change, found {member.mtime} for {_short(member.name)}; nothing "
+            f"was unpacked: {file}"
+        )
+
+
+def _short(name: str) -> str:
+    name = shown(name)
+    return repr(name if len(name) <= 100 else f"{name[:100]}...")
 
 
 def _extract(tar: tarfile.TarFile, member: tarfile.TarInfo, room: Path, file: Path) -> None:
-    name = PurePosixPath(member.name)
-    inside = len(name.parts) > 2 and not any(part.startswith(".") for part in name.parts)
-    if not member.isfile() or name.is_absolute() or "\\" in member.name or not inside:
-        raise TablemapError(
-            f"expected files of one run, found {member.name!r}; nothing was unpacked: {file}"
-        )
     if member.size > shutil.disk_usage(room).free:
         raise TablemapError(
-            f"{member.name} needs {member.size / 1e6:.0f} MB, more than the disk has free: {file}"
+            f"{_short(member.name)} needs {member.size / 1e6:.0f} MB, more than the disk has free: "
+            f"{file}"
         )
     content = tar.extractfile(member)
-    target = room.joinpath(*name.parts)
+    target = room.joinpath(*PurePosixPath(member.name).parts)
     target.parent.mkdir(parents=True, exist_ok=True)
     with target.open("xb") as stream:
         if content is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import resource
 import tarfile
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -19,6 +20,7 @@ from tablemap.archive.pruning import named_latest, prune, to_prune
 from tablemap.archive.verification import find_input
 from tablemap.errors import ConfigError, RecordingError, TablemapError
 from tablemap.runs.verification import verify
+from tests.making.command import tablemap_here
 from tests.making.models import rectangle_model
 from tests.making.run_folders import make_run
 
@@ -222,6 +224,102 @@ def test_members_that_lead_elsewhere_are_refused(member: tarfile.TarInfo, tmp_pa
     with pytest.raises(TablemapError, match="expected files of one run"):
         unpack(file, tmp_path / "room" / "runs")
     assert sorted(p.name for p in tmp_path.rglob("*")) == ["bad.tar.zst", "room", "runs"]
+
+
+def header_of(name: str, *, size: int = 0, kind: bytes = tarfile.REGTYPE) -> bytes:
+    """Return a bare header of a tar, which may declare what does not follow."""
+    member = tarfile.TarInfo(name)
+    member.type, member.size = kind, size
+    return member.tobuf(tarfile.GNU_FORMAT)
+
+
+def with_pax(fields: dict[str, str], *, data: bytes = b"x") -> bytes:
+    """Return a tar of one file of a run whose header has further fields."""
+    plain = io.BytesIO()
+    with tarfile.open(fileobj=plain, mode="w", format=tarfile.PAX_FORMAT) as tar:
+        member = entry("lap/a/table.json")
+        member.size = len(data)
+        member.pax_headers = fields
+        tar.addfile(member, io.BytesIO(data))
+    return plain.getvalue()
+
+
+def packed_with_zeros(head: bytes, size: int) -> bytes:
+    """Return a frame of ``head`` and so many zeros after it."""
+    packer = zstandard.ZstdCompressor(level=1).compressobj()
+    packed = packer.compress(head)
+    piece = bytes(2**20)
+    return packed + b"".join(packer.compress(piece) for _ in range(size >> 20)) + packer.flush()
+
+
+GIB = 2**30
+SPARSE = {"GNU.sparse.major": "1", "GNU.sparse.minor": "0", "GNU.sparse.name": "lap/a/x"}
+HOSTILE = {
+    "a header of gigabytes": lambda: packed_with_zeros(
+        header_of("x", size=4 * GIB, kind=tarfile.XHDTYPE), GIB
+    ),
+    "a name of gigabytes": lambda: packed_with_zeros(
+        header_of("x", size=4 * GIB, kind=tarfile.GNUTYPE_LONGNAME), GIB
+    ),
+    "zeros after the end": lambda: packed_with_zeros(bytes(2 * tarfile.RECORDSIZE), GIB),
+    "nothing but zeros": lambda: packed_with_zeros(b"", GIB),
+    "more than is there": lambda: zstandard.compress(header_of("lap/a/x", size=8 * GIB)),
+    "a file above the limit": lambda: packed_with_zeros(header_of("lap/a/x", size=GIB), GIB),
+    "files above the limit": lambda: zstandard.compress(
+        b"".join(header_of(f"lap/a/{n}", size=2**20) + bytes(2**20) for n in range(5))
+    ),
+    "files without number": lambda: zstandard.compress(
+        b"".join(header_of(f"lap/a/{n}") for n in range(1200))
+    ),
+    "headers of headers": lambda: zstandard.compress(header_of("x", kind=tarfile.XHDTYPE) * 5000),
+    "a negative size": lambda: zstandard.compress(with_pax({"size": "-512"})),
+    "a size that is no number": lambda: zstandard.compress(with_pax({"size": "1e3"})),
+    "a time that is none": lambda: zstandard.compress(with_pax({"mtime": "nan"})),
+    "a time without end": lambda: zstandard.compress(with_pax({"mtime": "inf"})),
+    "a time before all": lambda: zstandard.compress(with_pax({"mtime": "-1e300"})),
+    "an empty character": lambda: zstandard.compress(with_pax({"path": "lap/a/b\0c"})),
+    "1500 levels": lambda: zstandard.compress(with_pax({"path": "lap/a/" + "d/" * 1500 + "x"})),
+    "a long name": lambda: zstandard.compress(with_pax({"path": "lap/a/" + "x" * 5000})),
+    "a half surrogate": lambda: zstandard.compress(with_pax({"path": "lap/a/\udc80"})),
+    "sparse, no map": lambda: zstandard.compress(with_pax(SPARSE, data=b"no map")),
+    "sparse, a map of words": lambda: zstandard.compress(with_pax(SPARSE, data=b"a\nb\n" * 200)),
+    "sparse, a map without end": lambda: zstandard.compress(
+        with_pax(SPARSE, data=b"99999999\n" + b"0\n" * 2**20)
+    ),
+    "sparse, of old": lambda: zstandard.compress(
+        with_pax({"GNU.sparse.size": "x", "GNU.sparse.map": "0,1,a"})
+    ),
+    "sparse, mostly holes": lambda: zstandard.compress(
+        with_pax({"GNU.sparse.size": str(10**13), "GNU.sparse.map": "0,1"})
+    ),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_what_claims_more_than_it_is_unpacks_to_nothing(name: str, tmp_path: Path) -> None:
+    """It is refused in one sentence, within 64 MiB more of memory, and nothing is left."""
+    file = tmp_path / "bad.tar.zst"
+    file.write_bytes(HOSTILE[name]())
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(TablemapError) as caught:
+        unpack(file, tmp_path / "runs", most_bytes=4 * 2**20)
+    said = str(caught.value)
+    assert said.endswith(str(file))
+    assert said.isprintable()
+    assert len(said) < 500 + len(str(file))
+    assert list((tmp_path / "runs").iterdir()) == []
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 64 * 1024
+
+
+def test_the_limit_of_what_unpacks_is_named_and_can_be_raised(
+    run: RunFolder, tmp_path: Path
+) -> None:
+    """By the option of the command."""
+    file = pack(run, tmp_path / "a.tar.zst")
+    refused = tablemap_here("runs", "unpack", file, "-o", tmp_path / "x", "--limit", "0.000001")
+    assert refused.returncode == 1
+    assert "--limit" in refused.stderr
+    assert tablemap_here("runs", "unpack", file, "-o", tmp_path / "x").returncode == 0
 
 
 def test_a_run_under_a_false_name_is_refused(run: RunFolder, tmp_path: Path) -> None:

@@ -37,12 +37,15 @@ def unpack_(
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Folder of run folders.", metavar="DIR")
     ] = Path("runs"),
+    limit: Annotated[
+        float, typer.Option("--limit", min=0, help="Unpack no more than this.", metavar="GB")
+    ] = 64,
     as_json: Json = False,
 ) -> None:
     """Bring a packed run back as DIR/<recording>/<run>, checked."""
     from tablemap.archive.packing import unpack
 
-    run = unpack(file, output)
+    run = unpack(file, output, most_bytes=int(min(limit, 1e9) * 1e9))
     say(json.dumps({"run": str(run.path)}) if as_json else run.path)
 
 
