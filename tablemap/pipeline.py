@@ -211,15 +211,17 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
         )
 
     def other(candidate: TableCandidate, number: int) -> TableModel | str:
+        place = f"({candidate.x:.2f}, {candidate.y:.2f})"
+        where = f"the surface at {place}, {candidate.height:.2f} m high"
         if candidate.reason is not None:
-            return f"it is hardly a table: {candidate.reason}"
+            return f"{where}, is hardly a table: {candidate.reason}"
         try:
             segmentation = segment(
                 snapshots, config=config.segmentation, sensors=sensors, candidate=candidate
             )
             return model(segmentation, of_table(number, record))
         except EstimationError as error:
-            return str(error)
+            return f"{where}, gave no model: {error}"
 
     chosen = model(segmentation, record)
     record(chosen)

@@ -233,14 +233,30 @@ class RunFolder:
 
     @property
     def others(self) -> tuple[OtherTable, ...]:
-        """The tables beside the chosen one that the run left. Raises `TablemapError`."""
-        files = sorted(self.path.glob("tables/[0-9][0-9].json"))
-        return tuple(OtherTable(int(file.stem), TableModel.load(file)) for file in files)
+        """The surfaces beside the chosen table: each a model, or why it is none.
+
+        Raises `TablemapError` if a model cannot be read.
+        """
+        found: dict[int, TableModel | str] = dict(self.manifest.rejected)
+        for file in self.table_files[1:]:
+            found[int(file.stem)] = TableModel.load(file)
+        return tuple(OtherTable(number, found[number]) for number in sorted(found))
+
+    @property
+    def table_files(self) -> tuple[Path, ...]:
+        """The files of the run's models: the chosen table's, then those of ``tables``."""
+        others = (file for file in self.path.glob(f"{TABLES}/*.json") if file.stem.isdecimal())
+        return (self.path / MODEL, *sorted(others))
 
     @property
     def config(self) -> Config:
         """Every setting of the run. Raises `ConfigError` if its file is gone or damaged."""
         return load_config(self.path / "config.toml")
+
+
+def table_name(number: int) -> str:
+    """Return the name, within a run, of the model of a table beside the chosen one."""
+    return f"{TABLES}/{number:02d}.json"
 
 
 def _identity(path: Path) -> tuple[int, int] | None:

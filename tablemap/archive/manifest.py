@@ -114,6 +114,10 @@ class Manifest(BaseModel):
         default=None,
         description="what ended the run, a sentence; null where nothing did",
     )
+    rejected: dict[int, str] = Field(
+        default={},
+        description="with all tables: why a surface beside the chosen table is none, by its number",
+    )
     files: dict[str, str] = Field(
         default={},
         description="SHA-256 of each file of the finished run, by its name in the folder; not "

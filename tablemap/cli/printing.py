@@ -13,6 +13,7 @@ from tablemap.words import shown, shown_lines
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from tablemap.archive import RunFolder
     from tablemap.events import OtherTable
     from tablemap.model import TableModel
     from tablemap.runs.running import Outcome
@@ -58,6 +59,28 @@ def outcome_line(outcome: Outcome, address: Callable[[Path], str] = str) -> dict
         "verdict": model.verdict.level if model else None,
         "reasons": list(model.verdict.reasons) if model else [],
         "figures": figures_of(model) if model else {},
+        "others": [other_entry(other, run, address) for other in outcome.others] if run else [],
+    }
+
+
+def other_entry(
+    other: OtherTable, run: RunFolder, address: Callable[[Path], str] = str
+) -> dict[str, object]:
+    """Return a table beside the chosen one for JSON: its model's path, or why there is none."""
+    from tablemap.archive.folder import table_name
+    from tablemap.archive.index import figures_of
+
+    found = other.outcome
+    if isinstance(found, str):
+        return {"number": other.number, "model": None, "error": found}
+    return {
+        "number": other.number,
+        "model": address(run.path / table_name(other.number)),
+        "error": None,
+        "shape": found.surface.shape,
+        "verdict": found.verdict.level,
+        "reasons": list(found.verdict.reasons),
+        "figures": figures_of(found),
     }
 
 
@@ -98,6 +121,13 @@ def doubt_lines(outcomes: Iterable[Outcome]) -> Iterator[str]:
         if outcome.model and outcome.model.verdict.level != "good":
             why = " ".join(doubts(outcome.model))
             yield f"{outcome.recording.name} is {outcome.model.verdict.level} because: {why}"
+
+
+def other_lines(outcomes: Iterable[Outcome]) -> Iterator[str]:
+    """Return a line for each table beside the chosen ones: what it is, or why it is none."""
+    for outcome in outcomes:
+        for name, text in other_rows(outcome.others):
+            yield f"{outcome.recording.name}, {name}: {text}"
 
 
 def size_text(shape: str | None, figures: dict[str, float]) -> str:
@@ -141,14 +171,18 @@ def print_model(
 
     from tablemap.model.summary import doubts, notes, summary_rows
 
-    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
-    for name, text in summary_rows(model):
-        table.add_row(name, shown(text))
-    for name, text in other_rows(others):
-        table.add_row(name, shown(text))
-    for note in notes(model):
-        table.add_row("note", shown(note))
-    console.print(table)
+    rows = [
+        *summary_rows(model),
+        *other_rows(others),
+        *(("note", note) for note in notes(model)),
+    ]
+    if console.is_terminal:  # there, long texts are broken within their column
+        table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+        for name, text in rows:
+            table.add_row(name, shown(text))
+        console.print(table)
+    else:
+        console.print(aligned(rows), soft_wrap=True)
     console.print()
     print_left(run, console=console)
     if model.verdict.level != "good":

@@ -18,6 +18,7 @@ from tablemap.cli.printing import (
     complain,
     doubt_lines,
     exit_code,
+    other_lines,
     outcome_line,
     outcome_rows,
     print_left,
@@ -137,7 +138,7 @@ def process(
                 _print_outcome(outcome, shown, as_json=as_json)
     if len(paths) > 1 and not quiet:
         say(aligned(outcome_rows(outcomes, place.address)), err=as_json)
-        for line in doubt_lines(outcomes):
+        for line in (*other_lines(outcomes), *doubt_lines(outcomes)):
             say(line, err=as_json)
     raise typer.Exit(exit_code(outcomes, strict=strict) if complete else 1)
 

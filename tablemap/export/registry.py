@@ -28,6 +28,8 @@ class Format:
       part's: such a file is written only if the part needs it
     - ``world``: the one of ``files`` that places the object in the map, None without one
     - ``write``: returns the content of a table's files by their names; writes nothing
+    - ``write_all``: the same of several tables in one set of files, called as the first; None if
+      each table has files of its own
     """
 
     name: str
@@ -35,6 +37,7 @@ class Format:
     files: tuple[str, ...]
     world: str | None
     write: Callable[[Solid, ExportConfig], dict[str, bytes]]
+    write_all: Callable[[Sequence[Solid], ExportConfig], dict[str, bytes]] | None = None
 
     @property
     def is_single_file(self) -> bool:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,23 +40,9 @@ def export_model(
     `TablemapError` if the model cannot be exported, a file cannot be written, or ``name`` is not a
     valid file name.
     """
-    from tablemap.config import ExportConfig
-    from tablemap.export.building import build
-
-    chosen, output = check_formats(formats), as_path(output)
-    settings = config or ExportConfig()
     if name in ("", ".", "..") or as_path(name).name != name:
         raise TablemapError(f"expected a name for the table's files, found {name!r}.")
-    if _is_file(output, chosen):
-        solid, warnings = build(model, settings, name=output.stem)
-        return Exported(write_files(output.parent, chosen[0].write(solid, settings)), warnings)
-    solid, warnings = build(model, settings, name=name)
-    files = {
-        f"{each.name}/{file}": content
-        for each in chosen
-        for file, content in each.write(solid, settings).items()
-    }
-    return Exported(write_files(output, files), warnings)
+    return _export({name: model}, check_formats(formats), as_path(output), config)
 
 
 def export_run(
@@ -68,9 +54,9 @@ def export_run(
 ) -> Exported:
     """Write every table of a run folder, or one ``table.json``, in each format.
 
-    The chosen table is called ``table``, the others ``table_NN``. ``output`` is by default the
-    run's ``exports/``; if it is a file, only the chosen table is written. Raises the errors of
-    `export_model`, and `TablemapError` if the run left no model.
+    The chosen table is called ``table``, the others ``table_NN``; Nav2's one mask ``table`` has all
+    of them. ``output`` is by default the run's ``exports/``; if it is a file, only the chosen table
+    is written. Raises the errors of `export_model`, and `TablemapError` if the run left no model.
     """
     from tablemap.model import TableModel
 
@@ -80,14 +66,42 @@ def export_run(
     if _is_file(target, chosen):
         tables = dict(list(tables.items())[:1])
     models = {name: TableModel.load(file) for name, file in tables.items()}
-    written = [
-        export_model(model, formats, output=target, config=config, name=name)
-        for name, model in models.items()
-    ]
-    return Exported(
-        tuple(file for exported in written for file in exported.files),
-        tuple(dict.fromkeys(w for exported in written for w in exported.warnings)),
+    return _export(models, chosen, target, config)
+
+
+def _export(
+    models: Mapping[str, TableModel],
+    formats: tuple[Format, ...],
+    output: Path,
+    config: ExportConfig | None,
+) -> Exported:
+    """Write models by their names, the chosen table's first: all files, or none of them."""
+    from tablemap.config import ExportConfig
+    from tablemap.export.building import build
+
+    settings = config or ExportConfig()
+    if _is_file(output, formats):
+        (model,) = models.values()
+        solid, warnings = build(model, settings, name=output.stem)
+        return Exported(write_files(output.parent, formats[0].write(solid, settings)), warnings)
+    built = {name: build(model, settings, name=name) for name, model in models.items()}
+    solids = [solid for solid, _ in built.values()]
+    files = {
+        f"{each.name}/{file}": content
+        for each in formats
+        for written in (
+            [each.write_all(solids, settings)]
+            if each.write_all
+            else [each.write(solid, settings) for solid in solids]
+        )
+        for file, content in written.items()
+    }
+    warnings = tuple(
+        warning if len(built) == 1 else replace(warning, message=f"{name}: {warning.message}")
+        for name, (_, found) in built.items()
+        for warning in found
     )
+    return Exported(write_files(output, files), warnings)
 
 
 def _is_file(output: Path, formats: tuple[Format, ...]) -> bool:
@@ -117,8 +131,5 @@ def _tables(run: AnyPath) -> tuple[Path, dict[str, Path]]:
             f"expected a run with a table.json, found one that left no model ({status}"
             f"{': ' + error if error else ''}); choose another run: {loaded.path}"
         )
-    others = sorted((loaded.path / "tables").glob("*.json"))
-    return loaded.path, {
-        "table": loaded.path / "table.json",
-        **{f"table_{file.stem}": file for file in others},
-    }
+    first, *others = loaded.table_files
+    return loaded.path, {"table": first, **{f"table_{file.stem}": file for file in others}}

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
-from tablemap.archive.folder import RunFolder, load_run, trajectory_tum
+from tablemap.archive.folder import RunFolder, load_run, table_name, trajectory_tum
 from tablemap.archive.liveness import Heart
 from tablemap.archive.verification import find_input
 from tablemap.config import Config, Method, Tables, check_tables, dump_config, load_config
@@ -216,9 +216,14 @@ class _Running:
         """Write the model; return the run's status, and what of the recording was lost."""
         self._note(folder, self._digest.wait())
         folder.write("trajectory.tum", trajectory_tum(processed.trajectory))
+        rejected = {}
         for other in processed.others:
             if isinstance(other.outcome, TableModel):
-                folder.write(f"tables/{other.number:02d}.json", other.outcome.to_json())
+                folder.write(table_name(other.number), other.outcome.to_json())
+            else:
+                rejected[other.number] = other.outcome
+        if rejected:
+            folder.update(rejected=rejected)
         lost = [w.message for w in processed.model.warnings if w.code in LOSSES]
         status: Literal["ok", "partial"] = "partial" if lost else "ok"
         _check_review(folder.path / REVIEW)

@@ -26,7 +26,7 @@ def _check_contents(run: RunFolder) -> Iterator[Check]:
     model = run.path / "table.json"
     if run.manifest.status in LEAVE_A_MODEL and not model.is_file():
         yield Check("model", "missing", f"the run is {run.manifest.status} and has no table.json")
-    for file in (model, *sorted(run.path.glob("tables/*.json"))):
+    for file in run.table_files:
         if file.is_file():
             name = f"schema of {file.relative_to(run.path).as_posix()}"
             try:

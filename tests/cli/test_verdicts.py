@@ -15,6 +15,7 @@ from tablemap.runs import running
 from tablemap.runs.running import Outcome
 from tests.making.command import tablemap_here
 from tests.making.models import rectangle_model
+from tests.making.quick_run import act_within, make_recording
 from tests.making.run_folders import make_run
 
 DOUBT = m.WarningEntry(
@@ -108,26 +109,56 @@ def test_show_says_it_too(acted: Path) -> None:
     ]
 
 
-def test_all_tables_are_told_in_a_row_each(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What each is, or why it is none; what the run left is shown again."""
-    (tmp_path / "lap.mcap").write_bytes(b"a recording")
-    beside = rectangle_model(length=0.8, width=0.5, height=0.45, x=2.0, y=1.0)
+BESIDE = rectangle_model(length=0.8, width=0.5, height=0.45, x=2.0, y=1.0)
+WHY_NONE = "the surface at (1.00, 3.00), 0.40 m high, is hardly a table: seen by one view alone"
 
-    def stand_in(recording: Input, *, output: Path, **_: object) -> Outcome:
-        folder = make_run(output, "lap/a", rectangle_model())
-        folder.write("tables/01.json", beside.to_json())
-        others = (OtherTable(1, beside), OtherTable(2, "it is hardly a table: it is a shelf"))
-        return Outcome(recording, folder, "ok", None, rectangle_model(), others)
 
-    monkeypatch.setattr("tablemap.runs.jobs.run", stand_in)
-    told = tablemap_here("process", "lap.mcap", "--all", cwd=tmp_path).stdout
-    shown = tablemap_here("runs", "show", "runs/lap/a", cwd=tmp_path).stdout
-    first, second = (line for line in told.splitlines() if line.startswith("table 0"))
-    words = ["table", "01", "rectangle 0.800 x 0.500 m, 0.450 m high, at (2.00, 1.00), good"]
-    assert first.rstrip().split(maxsplit=2) == words
-    assert second.rstrip().split(maxsplit=2)[1:] == [
-        "02",
-        "none: it is hardly a table: it is a shelf",
+@pytest.fixture
+def with_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with two drives past three surfaces: the table, another, and one that is none."""
+    others = (OtherTable(1, BESIDE), OtherTable(2, WHY_NONE))
+    act_within(monkeypatch, lambda: None, others=others)
+    for name in ("lap", "second"):
+        make_recording(tmp_path, f"{name}.mcap")
+    return tmp_path
+
+
+def test_all_tables_are_told_in_a_row_each(with_all: Path) -> None:
+    """What each is, or why it is none: when it is made, when it is there, and by ``runs show``."""
+    tellings = [
+        tablemap_here(*command.split(), cwd=with_all).stdout
+        for command in ("process lap.mcap --all", "process lap.mcap --all", "runs show runs/lap")
     ]
-    (line,) = (line for line in shown.splitlines() if line.startswith("table 0"))
-    assert line.split(maxsplit=2) == words
+    for told in tellings:
+        first, second = (line for line in told.splitlines() if line.startswith("table 0"))
+        words = ["table", "01", "rectangle 0.800 x 0.500 m, 0.450 m high, at (2.00, 1.00), good"]
+        assert first.rstrip().split(maxsplit=2) == words
+        assert second.rstrip().split(maxsplit=2) == ["table", "02", f"none: {WHY_NONE}"]
+
+
+def test_a_batch_tells_all_tables_of_each_recording(with_all: Path) -> None:
+    """After the table of the chosen ones, a line each."""
+    told = tablemap_here("process", "lap.mcap", "second.mcap", "--all", "-q", cwd=with_all)
+    assert (told.returncode, told.stdout) == (0, "")
+    told = tablemap_here("process", "lap.mcap", "second.mcap", "--all", cwd=with_all)
+    lines = [line for line in told.stdout.splitlines() if ", table 0" in line]
+    assert [line.split(":")[0] for line in lines] == [
+        "lap.mcap, table 01",
+        "lap.mcap, table 02",
+        "second.mcap, table 01",
+        "second.mcap, table 02",
+    ]
+    assert lines[1] == f"lap.mcap, table 02: none: {WHY_NONE}"
+
+
+def test_json_has_all_tables(with_all: Path) -> None:
+    """With the paths of their models, or why there is none; of a run that was made before too."""
+    line = json.loads(
+        tablemap_here("process", "lap.mcap", "--all", "--json", "-q", cwd=with_all).stdout
+    )
+    shown = json.loads(tablemap_here("runs", "show", "runs/lap", "--json", cwd=with_all).stdout)
+    for document in (line, shown):
+        first, second = document["others"]
+        assert m.TableModel.load(with_all / first["model"]).to_json() == BESIDE.to_json()
+        assert (first["verdict"], first["figures"]["height"]) == ("good", 0.45)
+        assert second == {"number": 2, "model": None, "error": WHY_NONE}

@@ -5,7 +5,10 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+import yaml
+from PIL import Image
 
 from tablemap import model as m
 from tablemap.archive import RunFolder
@@ -136,6 +139,36 @@ def test_a_run_exports_all_its_tables(run: RunFolder) -> None:
     }
     (alone,) = export_run(run.path / "tables" / "01.json", ["svg"]).files
     assert alone == run.path / "exports" / "svg" / "table_01.svg"
+
+
+def test_all_tables_of_a_run_are_in_one_keep_out_mask(run: RunFolder) -> None:
+    """For Nav2 takes one: it covers what the tables' own masks cover, and has all polygons."""
+    alone = run.path / "tables" / "01.json"
+    moved = json.loads(alone.read_text())
+    moved["legs"] = []
+    for corner in moved["surface"]["outline"]:
+        corner[0] += 3.0
+    alone.write_text(json.dumps(moved))
+    files = export_run(run.path, ["nav2"]).files
+    assert {file.name for file in files} == {"table.pgm", "table.yaml", "table.polygon.yaml"}
+    both = _occupied(run.path / "exports" / "nav2" / "table.yaml")
+    single = []
+    for file in (run.path / "table.json", alone):
+        _, server, _ = export_run(file, ["nav2"], output=run.path / file.stem).files
+        single.append(_occupied(server))
+    assert not single[0] & single[1]
+    assert both == single[0] | single[1]
+    outline = yaml.safe_load((run.path / "exports" / "nav2" / "table.polygon.yaml").read_text())
+    assert len(outline["polygons"]) == 2
+
+
+def _occupied(server: Path) -> set[tuple[int, int]]:
+    """Return the occupied cells of a mask, counted from the map's origin."""
+    said = yaml.safe_load(server.read_text())
+    with Image.open(server.parent / said["image"]) as image:
+        rows, columns = np.nonzero(np.flipud(np.array(image)) == 0)
+    x, y = np.round(np.array(said["origin"][:2]) / said["resolution"]).astype(int)
+    return set(zip((columns + x).tolist(), (rows + y).tolist(), strict=True))
 
 
 def test_the_command_writes_and_prints_paths(run: RunFolder, tmp_path: Path) -> None:

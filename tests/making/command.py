@@ -11,6 +11,8 @@ import sys
 from pathlib import Path
 from unittest import mock
 
+from tablemap.interrupts import SIGNALS
+
 TABLEMAP = [sys.executable, "-c", "from tablemap.cli import main; main()"]
 WIDTH = {"COLUMNS": "100"}
 PLAIN = {**WIDTH, "NO_COLOR": "1"}
@@ -36,7 +38,7 @@ def tablemap_here(*arguments: object, cwd: Path | None = None) -> subprocess.Com
     from tablemap.cli import main
 
     out, err, code = io.StringIO(), io.StringIO(), None
-    terminated = signal.getsignal(signal.SIGTERM)
+    heard = {each: signal.getsignal(each) for each in SIGNALS}
     with (
         mock.patch.object(sys, "argv", ["tablemap", *map(str, arguments)]),
         mock.patch.dict(os.environ, PLAIN),
@@ -49,6 +51,7 @@ def tablemap_here(*arguments: object, cwd: Path | None = None) -> subprocess.Com
         except SystemExit as end:
             code = end.code
         finally:
-            signal.signal(signal.SIGTERM, terminated)
+            for each, handler in heard.items():
+                signal.signal(each, handler)
     assert code is None or isinstance(code, int), code
     return subprocess.CompletedProcess(sys.argv, code or 0, out.getvalue(), err.getvalue())

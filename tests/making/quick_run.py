@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tablemap.events import StageFinished, StageStarted
+from tablemap.events import OtherTable, StageFinished, StageStarted
 from tablemap.pipeline import Processed
 from tablemap.runs import running
 from tablemap.stages.odometry import Trajectory
@@ -25,8 +25,10 @@ def make_recording(folder: Path, name: str = "lap.mcap") -> Path:
     return path
 
 
-def act_within(monkeypatch: pytest.MonkeyPatch, act: Act) -> None:
-    """Let every run find a made-up table, and do something in the middle of it."""
+def act_within(
+    monkeypatch: pytest.MonkeyPatch, act: Act, *, others: tuple[OtherTable, ...] = ()
+) -> None:
+    """Let every run find made-up tables, and do something in the middle of it."""
 
     def process(recording: object, *, record: Callable[[object], None], **_: object) -> Processed:
         record(StageStarted("snapshots", 0))
@@ -35,6 +37,6 @@ def act_within(monkeypatch: pytest.MonkeyPatch, act: Act) -> None:
         stamps = np.array([w.START_NS], dtype=np.int64)
         model = rectangle_model()
         record(model)
-        return Processed(model, (), Trajectory(stamps, np.zeros((1, 3))))
+        return Processed(model, others, Trajectory(stamps, np.zeros((1, 3))))
 
     monkeypatch.setattr(running, "_method", lambda _: process)

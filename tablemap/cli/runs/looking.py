@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tablemap.cli.options import Json
-from tablemap.cli.printing import aligned, complain, metres_text, other_rows, say
+from tablemap.cli.printing import aligned, complain, metres_text, other_entry, other_rows, say
 from tablemap.cli.runs.app import Run, runs_app
 from tablemap.errors import TablemapError
 
@@ -30,11 +30,13 @@ def show(run: Run, as_json: Json = False) -> None:
     manifest = folder.manifest
     has_ended = manifest.status != "running"
     model = folder.model if has_ended and (folder.path / "table.json").is_file() else None
+    others = folder.others if has_ended else ()
     if as_json:
         document = {
             "path": str(folder.path),
             "manifest": manifest.model_dump(mode="json", by_alias=True),
             "model": json.loads(model.to_json()) if model else None,
+            "others": [other_entry(other, folder) for other in others],
         }
         say(json.dumps(document, indent=1))
         return
@@ -49,7 +51,7 @@ def show(run: Run, as_json: Json = False) -> None:
         ("status", "dead" if folder.is_dead else manifest.status),
         *([("error", manifest.error)] if manifest.error else []),
         *(summary_rows(model) if model else []),
-        *other_rows(folder.others if has_ended else ()),
+        *other_rows(others),
         *([("because", doubt) for doubt in doubts(model)] if model else []),
         *([("note", note) for note in notes(model)] if model else []),
     ]

@@ -6,6 +6,7 @@ A cell is occupied as soon as the padded footprint (top and legs) touches it.
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from tablemap.errors import TablemapError
@@ -25,16 +26,22 @@ LARGEST_IMAGE = 20_000_000
 
 def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
     """Return NAME.pgm, NAME.yaml (as map_server reads them) and NAME.polygon.yaml."""
+    return write_all([solid], config)
+
+
+def write_all(solids: Sequence[Solid], config: ExportConfig) -> dict[str, bytes]:
+    """Return the same files with all tables, for Nav2 takes one mask; the first one names them."""
     import numpy as np
     import yaml
     from PIL import Image
 
-    polygons = footprint(solid, config.padding)
+    first = solids[0]
+    polygons = footprint(solids, config.padding)
     image, origin = _mask(polygons, config)
     encoded = io.BytesIO()
     Image.fromarray(image).save(encoded, format="PPM")
     server = {
-        "image": f"{solid.name}.pgm",
+        "image": f"{first.name}.pgm",
         "mode": "trinary",
         "resolution": config.resolution,
         "origin": [*origin, 0.0],
@@ -43,28 +50,28 @@ def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
         "free_thresh": 0.196,
     }
     outline = {
-        "frame_id": solid.model.frame,
+        "frame_id": first.model.frame,
         "padding": config.padding,
         "polygons": [
             np.round(polygon.exterior.coords, 6)[:-1].tolist() for polygon in polygons.geoms
         ],
     }
     return {
-        f"{solid.name}.pgm": encoded.getvalue(),
-        f"{solid.name}.yaml": yaml.safe_dump(server, sort_keys=False).encode(),
-        f"{solid.name}.polygon.yaml": yaml.safe_dump(
+        f"{first.name}.pgm": encoded.getvalue(),
+        f"{first.name}.yaml": yaml.safe_dump(server, sort_keys=False).encode(),
+        f"{first.name}.polygon.yaml": yaml.safe_dump(
             outline, sort_keys=False, default_flow_style=None
         ).encode(),
     }
 
 
-def footprint(solid: Solid, padding: float) -> shapely.MultiPolygon:
-    """Return top and legs in the map, grown by ``padding`` metres, without holes."""
+def footprint(solids: Sequence[Solid], padding: float) -> shapely.MultiPolygon:
+    """Return tops and legs in the map, grown by ``padding`` metres, without holes."""
     import shapely
 
     from tablemap.export.rings import arc_steps
 
-    rings = [solid.map_from_table.apply(part.ring()) for part in solid.parts]
+    rings = [solid.map_from_table.apply(part.ring()) for solid in solids for part in solid.parts]
     united = shapely.union_all([shapely.Polygon(ring) for ring in rings])
     if padding > 0:
         united = united.buffer(padding, quad_segs=arc_steps(padding))
@@ -111,4 +118,5 @@ FORMAT = Format(
     files=("{name}.pgm", "{name}.yaml", "{name}.polygon.yaml"),
     world=None,
     write=write,
+    write_all=write_all,
 )
