@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tablemap.recording.claims import ClaimError
 from tablemap.recording.clouds import depth_of_cloud
@@ -83,7 +84,7 @@ def _window(message: Any) -> tuple[tuple[int, int], tuple[int, int, int, int] | 
 
 def _laser(message: Any, log_ns: int) -> LaserScan:
     stamp_ns, frame_id = _header(message, log_ns)
-    ranges = np.asarray(message.ranges, dtype=np.float32).copy()
+    ranges = _ranges(message)
     if hasattr(message, "start_angle"):
         turn = _yaw_of_pose(getattr(message, "pose", None))
         start, end = float(message.start_angle) + turn, float(message.end_angle) + turn
@@ -101,6 +102,14 @@ def _laser(message: Any, log_ns: int) -> LaserScan:
         float(message.range_max),
         ranges,
     )
+
+
+def _ranges(message: Any) -> NDArray[np.float32]:
+    """Return a scan's ranges (n,); of several echoes of a beam the first, of none infinity."""
+    if not len(message.ranges) or not hasattr(message.ranges[0], "echoes"):
+        return np.array(message.ranges, dtype=np.float32)
+    echoes = [beam.echoes for beam in message.ranges]
+    return np.array([each[0] if len(each) else np.inf for each in echoes], dtype=np.float32)
 
 
 def _cloud(message: Any, log_ns: int) -> CloudImage:

@@ -19,6 +19,7 @@ KINDS = {
     "sensor_msgs/CompressedImage": COMPRESSED,
     "sensor_msgs/CameraInfo": CALIBRATION,
     "sensor_msgs/LaserScan": LASER,
+    "sensor_msgs/MultiEchoLaserScan": LASER,
     "sensor_msgs/PointCloud2": POINTS,
     "geometry_msgs/PoseStamped": POSE,
     "geometry_msgs/PoseWithCovarianceStamped": POSE,

@@ -39,6 +39,7 @@ from tablemap.recording.sources import open_source
 from tablemap.recording.tf.frame_roles import FrameNames, pose_stamps
 from tablemap.recording.tf.frames import Stamps
 from tablemap.recording.topics import list_topics
+from tablemap.recording.unseen import Unseen, learnt, places_apart
 from tablemap.recording.window import windowed
 
 
@@ -71,6 +72,7 @@ class Recording(RobotPoses):
     start_ns: int
     end_ns: int
     warnings: list[ProcessWarning]
+    _unseen: Unseen | None = None
 
     def __init__(
         self,
@@ -101,6 +103,7 @@ class Recording(RobotPoses):
         self._laser = self._channels.of(self.roles.laser)
         self._pose_stamps = pose_stamps(self.tree, self.names.fixed, self.names.carrier)
         self.start_ns, self.end_ns = self._span()
+        self._unseen = self._learnt_unseen()
         self.names = self._names_without_silent_laser()
 
     @property
@@ -226,7 +229,7 @@ class Recording(RobotPoses):
                     f"The beams of scans on {self.roles.laser.name} were taken as of one moment: "
                     f"their time_increment of {message.time_increment:g} s cannot be.",
                 )
-            yield scan
+            yield scan if self._unseen is None else self._unseen.removed(scan)
 
     # Opening.
 
@@ -296,6 +299,19 @@ class Recording(RobotPoses):
             if isinstance(message, Image | CompressedImage)
         )
         return sampled(images, self.tree, self.names)
+
+    def _learnt_unseen(self) -> Unseen | None:
+        """Learn from scans of different places which range stands for nothing seen, and say it."""
+        poses, known = self.fixed_from_bases(self.scan_stamps())
+        stamps = self.scan_stamps()[known][places_apart(poses[known])]
+        unseen = learnt(list(self.scans(stamps_ns=stamps)))
+        if unseen is not None and self.roles.laser is not None:
+            self._say_once(
+                "recording.silent_sensor",
+                f"The laser on {self.roles.laser.name} sends {unseen} where it sees nothing; such "
+                "beams were taken as free.",
+            )
+        return unseen
 
     def _names_without_silent_laser(self) -> FrameNames:
         """Return the frames; drop the laser's, with a warning, if none of its scans has returns."""

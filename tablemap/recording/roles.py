@@ -243,13 +243,14 @@ def _lasers(topics: Sequence[Topic], depth: Topic | None) -> tuple[Topic, ...]:
 
 
 def _laser_rank(topic: Topic) -> tuple[object, ...]:
-    """Return a laser's rank: not made from depth, on the base, unfiltered, wide, many scans."""
+    """Return a laser's rank: not made from depth, on the base, unfiltered, in front, wide, full."""
     scan = topic.first
     assert isinstance(scan, LaserScan)
     return (
         bool({"depth", "camera", "rgbd", "virtual", "fake"} & topic.words),
         "base" not in topic.words,
         bool({"filtered", "filter"} & topic.words),
+        bool({"rear", "back", "side", "left", "right"} & topic.words),
         -round(abs(scan.angle_max - scan.angle_min), 1),
         -topic.count,
         topic.name,
