@@ -84,8 +84,16 @@ class Input:
         return PurePath(name.stem).stem if name.suffix in PACKED_SUFFIXES else name.stem
 
     def resolved(self) -> Input:
-        """Return the same input by absolute paths."""
+        """Return the same input by absolute paths, links followed."""
         return Input(tuple(str(path.resolve()) for path in self.paths))
+
+    def absolute(self) -> Input:
+        """Return the same input by absolute paths, links kept: their names are the runs'."""
+        return Input(
+            tuple(
+                place if is_remote(place) else str(Path(place).absolute()) for place in self.places
+            )
+        )
 
     def check(self) -> None:
         """Raise `RecordingError` if a place is neither a file nor a folder with recordings."""

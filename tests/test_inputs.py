@@ -127,3 +127,16 @@ def test_bag_of_ros1_gives_the_same_table(tmp_path: Path, demo_recording: Path) 
     """The demo as the bag that it could have been recorded as."""
     copy_to_bag(demo_recording, tmp_path / "demo.bag")
     assert table_of(tmp_path, tmp_path / "demo.bag") == table_of(tmp_path, demo_recording)
+
+
+def test_an_absolute_input_keeps_the_names_of_links(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Runs are named after the link that was given, wherever they are made."""
+    (tmp_path / "first.mcap").symlink_to(tmp_path / "demo.mcap")
+    (tmp_path / "demo.mcap").touch()
+    monkeypatch.chdir(tmp_path)
+    given = Input.of("first.mcap")
+    assert given.absolute() == Input((str(tmp_path / "first.mcap"),))
+    assert given.resolved().stem == "demo"
+    assert Input.of("s3://bucket/first.mcap").absolute().places == ("s3://bucket/first.mcap",)

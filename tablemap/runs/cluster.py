@@ -94,7 +94,7 @@ class _Batch:
         for number, recording in enumerate(recordings):
             known = frozenset(run.manifest.run_id for run in runs_of(recording, job.output))
             task = _ClusterTask(
-                number, recording.resolved(), job, known, batch, _source(versions())
+                number, recording.absolute(), job, known, batch, _source(versions())
             )
             future = client.submit(_process, task, key=f"{batch}-{number}", pure=False)
             self._waiting[future] = task
