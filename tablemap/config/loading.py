@@ -13,7 +13,6 @@ from tablemap.paths import AnyPath, as_path
 RENAMED = {
     "calibration.camera_height_sigma": "sensors.camera_height_sigma",
     "calibration.focal_sigma": "sensors.focal_length_sigma",
-    "calibration.focal_tilt_gain": "sensors.camera_tilt_gain_sigma",
     "calibration.held_height_sigma": "sensors.held_camera_height_sigma",
     "calibration.level_sigma": "sensors.camera_height_sigma_off_base",
     "calibration.scale_sigma": "sensors.depth_scale_sigma",
@@ -120,14 +119,35 @@ RENAMED = {
     "snapshots.least_stops": "stages/snapshots/stage.py:_LEAST_STOPS",
     "surface.drive_scale_sigma": "sensors.drive_scale_sigma",
     "surface.edge_set_back": "sensors.sharp_rim_set_back",
+    "surface.edge_bias_sigma": "sensors.near_edge_bias",
+    "surface.far_bias": "sensors.far_edge_bias",
     "surface.far_bias_sigma": "sensors.far_edge_bias",
     "surface.laser_scale_sigma": "sensors.laser_range_scale_sigma",
     "surface.near_bias_sigma": "sensors.near_edge_bias",
     "surface.rim_set_back": "sensors.rim_set_back",
     "surface.scale_sigma": "sensors.calibrated_depth_scale_sigma_surface",
-    "surface.trusted_height": "sensors.camera_height_trusted",
 }
 """What became of settings that are gone: a new name, or a constant by its file and name."""
+
+_NO_FOCAL_FIT = (
+    "the floor no longer corrects the focal length; sensors.camera_focal_sigma says how far it may "
+    "be off"
+)
+_NO_MIXTURE = "the camera's height in TF has one sigma for every robot, sensors.camera_height_sigma"
+REMOVED = {
+    "calibration.focal_significance": _NO_FOCAL_FIT,
+    "calibration.focal_tilt_gain": _NO_FOCAL_FIT,
+    "calibration.focal_tilts": _NO_FOCAL_FIT,
+    "calibration.plausible_focal": _NO_FOCAL_FIT,
+    "calibration.view_scatter": "every view has a tilt and a height of its own now; "
+    "sensors.view_tilt_sigma_deg and sensors.view_height_sigma say how large they may be",
+    "registration.depth_largest_step": "nothing replaces it",
+    "sensors.camera_height_trusted": _NO_MIXTURE,
+    "sensors.camera_tilt_gain_sigma": _NO_FOCAL_FIT,
+    "surface.doubted_height": _NO_MIXTURE,
+    "surface.trusted_height": _NO_MIXTURE,
+}
+"""Settings without a successor, each with what to use instead, or that nothing replaces it."""
 
 
 def load_config(file: AnyPath | None = None, *, overrides: Sequence[str] = ()) -> Config:
@@ -145,18 +165,18 @@ def load_config(file: AnyPath | None = None, *, overrides: Sequence[str] = ()) -
             raise ConfigError(f"the config cannot be read ({error.strerror}): {file}") from error
         except (ValueError, RecursionError) as error:
             raise ConfigError(f"the config is no TOML ({error}): {file}") from error
-        old = [name for name in RENAMED if _is_in(tree, name)]
+        old = [name for name in (*RENAMED, *REMOVED) if _is_in(tree, name)]
         if old:
             raise ConfigError(
-                f"{_renamed(old[0])} (old names in the file: {len(old)}); write what you changed "
-                f"into what `tablemap config` prints now: {file}"
+                f"{_fate(old[0])} (old names in the file: {len(old)}); write what you "
+                f"changed into what `tablemap config` prints now: {file}"
             )
     for setting in overrides:
         name, separator, text = setting.partition("=")
         if not separator or not name.strip():
             raise ConfigError(f"expected --set section.key=value, found {setting!r}.")
-        if name.strip() in RENAMED:
-            raise ConfigError(f"{_renamed(name.strip())}.")
+        if name.strip() in RENAMED or name.strip() in REMOVED:
+            raise ConfigError(f"{_fate(name.strip())}.")
         *sections, key = name.strip().split(".")
         branch = tree
         for section in sections:
@@ -180,7 +200,9 @@ def _is_in(tree: Mapping[str, Any], name: str) -> bool:
     return isinstance(branch, Mapping) and key in branch
 
 
-def _renamed(old: str) -> str:
+def _fate(old: str) -> str:
+    if old in REMOVED:
+        return f"{old} is gone: {REMOVED[old]}"
     file, is_constant, name = RENAMED[old].partition(":")
     if is_constant:
         return f"{old} is a constant now: {name} in tablemap/{file}"

@@ -121,12 +121,6 @@ class SensorsConfig(Section):
         description="degrees; error of the camera's roll and pitch in TF (sigma). Higher: the "
         "floor may tilt the camera further",
     )
-    camera_tilt_gain_sigma: float = Field(
-        default=0.003,
-        ge=0,
-        description="share of a tilt; error of the head's recorded tilts that grows with them "
-        "(sigma). Higher: tilts prove less about the focal length",
-    )
     camera_height_sigma: float = Field(
         default=0.003,
         gt=0,
@@ -138,13 +132,6 @@ class SensorsConfig(Section):
         gt=0,
         description="metres; the same where the floor lies neither at z = 0 nor at the base's "
         "origin. Higher: as for `camera_height_sigma`",
-    )
-    camera_height_trusted: float = Field(
-        default=0.5,
-        gt=0,
-        lt=1,
-        description="share of robots whose camera height in TF is right to a millimetre. Higher: "
-        "stronger edges are needed to doubt it",
     )
     held_camera_height_sigma: float = Field(
         default=0.03,

@@ -75,13 +75,6 @@ class SurfaceConfig(Section):
         description="cosine between the normals of an edge point and of its side. Higher: "
         "more points are outliers",
     )
-    doubted_height: float = Field(
-        default=0.9,
-        gt=0,
-        le=1,
-        description="posterior of a wrong camera height in TF from which on it is said. "
-        "Higher: it is said more rarely",
-    )
     systematic_sigmas: float = Field(
         default=1.0,
         gt=0,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,8 +12,9 @@ import pytest
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
+import tablemap
 from tablemap.config import Config, Tables, dump_config, load_config
-from tablemap.config.loading import RENAMED
+from tablemap.config.loading import REMOVED, RENAMED
 from tablemap.errors import ConfigError
 
 
@@ -35,6 +38,36 @@ def test_a_setting_says_what_it_is_and_what_raising_it_does(name: str) -> None:
     assert not field.description.endswith(".")
     if name != "seed" and not isinstance(field.default, str):
         assert ". Higher" in field.description
+
+
+def reads(package: Path) -> tuple[set[tuple[str, str]], set[str]]:
+    """Return what a package's code reads, its config left out.
+
+    These are the attributes, each with the last name before it (``config.legs.margin`` reads
+    ``margin`` of ``legs``), and the texts, as limits are also named by.
+    """
+    attributes, texts = set(), set()
+    for file in package.rglob("*.py"):
+        if file.is_relative_to(package / "config"):
+            continue
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load):
+                owner = ast.unparse(node.value).rpartition(".")[2].lstrip("_")
+                attributes.add((owner, node.attr))
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                texts.add(node.value)
+    return attributes, texts
+
+
+ATTRIBUTES, TEXTS = reads(Path(tablemap.__file__).parent)
+
+
+@pytest.mark.parametrize("setting", SETTINGS)
+def test_a_setting_is_read_by_the_code(setting: str) -> None:
+    """One that nothing reads changes nothing, and who sets it is misled."""
+    section, _, name = setting.rpartition(".")
+    is_read = any((owner, name) in ATTRIBUTES for owner in ("config", section))
+    assert is_read or (section == "limits" and name in TEXTS)
 
 
 def test_settings_override_the_file_which_overrides_defaults(tmp_path: Path) -> None:
@@ -112,7 +145,24 @@ def test_a_section_is_frozen_and_closed(section: str) -> None:
 
 def test_no_setting_has_an_old_name() -> None:
     """Else it could not be set."""
-    assert SETTINGS.keys().isdisjoint(RENAMED)
+    assert SETTINGS.keys().isdisjoint([*RENAMED, *REMOVED])
+
+
+@pytest.mark.parametrize("old", REMOVED)
+def test_a_setting_without_a_successor_says_what_to_use_instead(old: str, tmp_path: Path) -> None:
+    """On the command line and in a file; each setting that the sentence names can be set."""
+    with pytest.raises(ConfigError) as caught:
+        load_config(overrides=[f"{old}=0.5"])
+    sentence = str(caught.value)
+    assert sentence.startswith(f"{old} is gone: ")
+    named = re.findall(r"[a-z]+\.[a-z_]+", sentence.removeprefix(old))
+    assert named or sentence.endswith("nothing replaces it.")
+    assert SETTINGS.keys() >= set(named)
+    file = tmp_path / "config.toml"
+    section, _, key = old.partition(".")
+    file.write_text(f"[{section}]\n{key} = 0.5\n")
+    with pytest.raises(ConfigError, match=f"{re.escape(old)} is gone: "):
+        load_config(file)
 
 
 @pytest.mark.parametrize("old", RENAMED)
