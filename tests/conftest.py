@@ -18,6 +18,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 ROOT = Path(__file__).resolve().parent.parent
+IMPORTS = "imports.txt"
 
 
 @pytest.fixture(scope="session")
@@ -59,7 +60,14 @@ def finished(
     """The demo processed and exported once: its run folder and what the command said."""
     output = tmp_path_factory.mktemp("demo") / "runs"
     done = tablemap(
-        "process", demo_recording, "-o", output, "--json", "--export", "svg", "--export", "nav2"
+        *("process", demo_recording, "-o", output, "--json", "--export", "svg", "--export", "nav2"),
+        imports=output.parent / IMPORTS,
     )
     assert done.returncode == 0, done.stderr
     return Path(json.loads(done.stdout)["run"]), done
+
+
+@pytest.fixture(scope="session")
+def demo_imports(finished: tuple[Path, object]) -> list[str]:
+    """The names of all modules that processing the demo imported."""
+    return (finished[0].parents[2] / IMPORTS).read_text(encoding="utf-8").split()

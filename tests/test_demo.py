@@ -6,6 +6,7 @@ import json
 import math
 import re
 import subprocess
+import sys
 import tomllib
 from collections import Counter
 from pathlib import Path
@@ -18,6 +19,16 @@ from tablemap.evaluation.metrics import Score, score
 from tablemap.evaluation.truth import Truth
 from tablemap.model import TableModel
 from tests.making.command import tablemap_here
+
+LIBRARIES = {
+    *("PIL", "google", "numpy", "open3d", "pydantic", "pydantic_settings", "rerun", "rich"),
+    *("rosbags", "ruamel", "scipy", "shapely", "typer"),
+}
+"""All of many modules that processing imports, whoever asks for them."""
+
+MANY_MODULES = 20
+
+OF_SCIPY = {"_lib", "constants", "linalg", "ndimage", "sparse", "spatial", "special"}
 
 
 @pytest.fixture(scope="module")
@@ -267,3 +278,20 @@ def test_near_a_place_without_a_table_names_the_places_that_have_one(
     assert re.search(r"0\.\d", done.stderr)
     assert "Traceback" not in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_processing_imports_no_library_that_it_does_not_need(demo_imports: list[str]) -> None:
+    """Libraries bring others along: Open3D dash and IPython, pyarrow pandas, trimesh networkx."""
+    ours = {"tablemap", *sys.stdlib_module_names}
+    modules = Counter(name.split(".")[0] for name in demo_imports)
+    large = {name for name, count in modules.items() if count > MANY_MODULES}
+    assert large - ours <= LIBRARIES
+
+
+def test_processing_imports_no_part_of_scipy_that_it_does_not_need(
+    demo_imports: list[str],
+) -> None:
+    """``scipy.stats`` alone takes as long as all that is needed of it."""
+    packages = {name.split(".")[1] for name in demo_imports if name.count(".") == 2}
+    packages &= {name.split(".")[1] for name in demo_imports if name.startswith("scipy.")}
+    assert packages <= OF_SCIPY

@@ -28,6 +28,27 @@ def test_the_pipeline_loads_open3d_and_rerun_only_when_needed(module: str) -> No
     assert done.stdout.split() == []
 
 
+def test_open3d_draws_once_it_is_asked_to() -> None:
+    """Whoever calls the library and Open3D in one program finds Open3D whole."""
+    code = (
+        "import sys; from tablemap import imports; o3d = imports.open3d(); "
+        "print('dash' in sys.modules, hasattr(o3d, 'no_such_thing')); "
+        "import open3d; print(callable(open3d.visualization.draw), 'dash' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "False", "True", "True"]
+
+
+def test_a_program_that_hides_pandas_makes_arrow_arrays_without_it() -> None:
+    """Rerun's logging is made of them."""
+    code = (
+        "import sys; from tablemap.imports import hide_pandas; hide_pandas(); "
+        "import pyarrow; print(len(pyarrow.array([True, False])), 'pandas' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["2", "False"]
+
+
 def test_test_modules_import_nothing_from_each_other() -> None:
     """What several need is made in ``tests/making``."""
     for file in Path(__file__).parent.rglob("*.py"):

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tablemap import imports
 from tablemap import model as m
 from tablemap.baseline.shapes import Found, find_circle, find_parallelogram, hull_points
 from tablemap.config import Config, ReportConfig, Tables
@@ -124,8 +125,7 @@ def process(
 
 def table_cloud(snapshot: Snapshot, *, seed: int) -> ViewCloud | str:
     """Return a snapshot's nearest cluster in the map and its plane, or why there is none."""
-    import open3d as o3d
-
+    o3d = imports.open3d()
     in_map = transform(snapshot.map_from_base.lifted(), snapshot.points_in_base()).reshape(-1, 3)
     in_map = in_map[np.isfinite(in_map[:, 2]) & (in_map[:, 2] >= FLOOR)]
     cloud = _cloud(in_map).voxel_down_sample(VOXEL)
@@ -155,8 +155,7 @@ def join(
     views: list[ViewCloud], height: float, config: ReportConfig
 ) -> tuple[Floats, dict[int, Floats]]:
     """Add the clouds one at a time onto the growing one; return it and each view's motion."""
-    import open3d as o3d
-
+    o3d = imports.open3d()
     whole = _cut(views[0].points, height, config)
     corrections = {views[0].index: np.eye(4)}
     for view in views[1:]:
@@ -187,9 +186,10 @@ def _cut(points: Floats, height: float, config: ReportConfig) -> Floats:
 
 
 def _cloud(points: Floats) -> open3d.geometry.PointCloud:
-    import open3d as o3d
-
-    return o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.ascontiguousarray(points)))
+    o3d = imports.open3d()
+    vectors = o3d.utility.Vector3dVector(np.ascontiguousarray(points))
+    cloud: open3d.geometry.PointCloud = o3d.geometry.PointCloud(vectors)
+    return cloud
 
 
 def _corrected(snapshot: Snapshot, motion: Floats) -> tuple[float, float, float]:

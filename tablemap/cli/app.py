@@ -11,6 +11,7 @@ import typer
 from tablemap.cli.commands import Commands, Debug, show_tracebacks
 from tablemap.cli.printing import complain, say
 from tablemap.errors import ConfigError, TablemapError
+from tablemap.imports import hide_pandas
 from tablemap.interrupts import Interrupts
 from tablemap.version import __version__
 
@@ -31,6 +32,7 @@ app = Commands(
 
 def main() -> None:
     """Run the command line; turn an error into one sentence and an exit code."""
+    hide_pandas()
     interrupts = Interrupts(grace_seconds=GRACE_SECONDS)
     interrupts.listen()
     try:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 import shapely
-import trimesh
 
 from tablemap.geometry import Floats
 from tablemap.model import TableLeg, TableModel
@@ -83,16 +82,42 @@ def _log_top(
     polygon = shapely.make_valid(shapely.Polygon(outline))
     if polygon.geom_type != "Polygon":
         polygon = polygon.convex_hull
-    solid = trimesh.creation.extrude_polygon(polygon, thickness)
-    corners = np.asarray(solid.triangles).reshape(-1, 3) + np.array([0.0, 0.0, bottom])
+    corners, normals = extruded(polygon, bottom, bottom + thickness)
     stream.log(
         path,
         rr.Mesh3D(
             vertex_positions=corners.astype(np.float32),
-            vertex_normals=np.repeat(solid.face_normals, 3, axis=0).astype(np.float32),
+            vertex_normals=normals.astype(np.float32),
             albedo_factor=tint,
         ),
     )
+
+
+def extruded(polygon: shapely.Polygon, bottom: float, top: float) -> tuple[Floats, Floats]:
+    """Return the corners (n, 3) of a prism's triangles, three a triangle, and their normals."""
+    polygon = shapely.orient_polygons(polygon)
+    parts = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
+    # A ring repeats its first corner at its end.
+    rings = shapely.get_coordinates(shapely.orient_polygons(parts)).reshape(-1, 4, 2)
+    flat = rings[:, :3].reshape(-1, 2)
+    corners = [_level(flat, top), _level(flat[::-1], bottom)]
+    normals = [np.tile([0.0, 0.0, up], (len(flat), 1)) for up in (1.0, -1.0)]
+    for ring in (polygon.exterior, *polygon.interiors):
+        here = shapely.get_coordinates(ring)
+        first, second = here[:-1], here[1:]
+        lower = _level(first, bottom), _level(second, bottom)
+        upper = _level(first, top), _level(second, top)
+        wall = (lower[0], lower[1], upper[1], lower[0], upper[1], upper[0])
+        corners.append(np.stack(wall, axis=1).reshape(-1, 3))
+        along = second - first
+        outward = _level(np.column_stack([along[:, 1], -along[:, 0]]), 0.0)
+        outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+        normals.append(np.repeat(outward, 6, axis=0))
+    return np.concatenate(corners), np.concatenate(normals)
+
+
+def _level(places: Floats, z: float) -> Floats:
+    return np.column_stack([places, np.full(len(places), z)])
 
 
 def _log_leg(stream: Stream, path: str, leg: TableLeg, floor: float, bottom: float) -> None:

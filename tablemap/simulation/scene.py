@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tablemap import imports
 from tablemap.geometry import Floats
 from tablemap.simulation.meshes import MeshPart
 
@@ -31,12 +32,9 @@ class Scene:
     """Parts to cast rays at. ``parts`` keeps their order: `Hits.parts` are indices into it."""
 
     def __init__(self, parts: Sequence[MeshPart]) -> None:
-        import open3d as o3d
-
+        o3d = imports.open3d()
         self.parts = tuple(parts)
-        # Open3D's stubs know no call with an array alone.
-        tensor: Any = o3d.core.Tensor
-        self._tensor = tensor
+        self._tensor = tensor = o3d.core.Tensor
         # One thread: recordings are simulated in parallel already.
         self._scene: Any = o3d.t.geometry.RaycastingScene(nthreads=1)
         counts = np.cumsum([0] + [len(part.mesh.vertices) for part in parts])

@@ -18,12 +18,26 @@ WIDTH = {"COLUMNS": "100"}
 PLAIN = {**WIDTH, "NO_COLOR": "1"}
 
 
+LISTS_IMPORTS = """
+import atexit, pathlib, sys
+listing = pathlib.Path(sys.argv.pop(1))
+atexit.register(lambda: listing.write_text("\\n".join(m for m in sys.modules if sys.modules[m])))
+"""
+
+
 def tablemap(
-    *arguments: object, cwd: Path | None = None, colours: bool = False
+    *arguments: object, cwd: Path | None = None, colours: bool = False, imports: Path | None = None
 ) -> subprocess.CompletedProcess[str]:
-    """Run the command and wait for it; with ``colours`` it is free to print them."""
+    """Run the command and wait for it; with ``colours`` it is free to print them.
+
+    The names of all modules that it imported go to the file ``imports``, a line each.
+    """
+    command = list(TABLEMAP)
+    if imports is not None:
+        command[-1] = LISTS_IMPORTS + command[-1]
+        command.append(str(imports))
     return subprocess.run(
-        [*TABLEMAP, *map(str, arguments)],
+        [*command, *map(str, arguments)],
         capture_output=True,
         text=True,
         check=False,

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
+from tablemap import imports
 from tablemap.events import Record
 from tablemap.geometry import Floats, Pose2, wrap_angle
 from tablemap.stages.registration.result import Pair, PairIteration, PairKind, PairStarted, StopScan
@@ -42,8 +43,7 @@ class Cloud:
 
 def make_cloud(points: Floats, normals: Floats) -> Cloud:
     """Lift (n, 2) or (n, 3) points and normals to a cloud that Open3D knows."""
-    import open3d
-
+    open3d = imports.open3d()
     flat = np.zeros((len(points), 1))
     if points.shape[1] == 2:
         points, normals = np.hstack([points, flat]), np.hstack([normals, flat])
@@ -81,9 +81,7 @@ def align_laser_pair(
     In directions that the geometry leaves open, the start is kept: along bare walls ICP would slide
     off.
     """
-    import open3d
-
-    icp = open3d.pipelines.registration
+    icp = imports.open3d().pipelines.registration
     once = icp.ICPConvergenceCriteria(max_iteration=1)
     source_cloud, target_cloud = clouds
     pose = target_from_source

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tablemap import imports
 from tablemap.geometry import Floats, transform
 from tablemap.stages.registration.pairs import Cloud, make_cloud
 from tablemap.stages.snapshots import Snapshot
@@ -22,8 +23,7 @@ _LEAST_POINTS = 60
 
 def upright_cloud(snapshot: Snapshot, *, maximum_range: float) -> Cloud | None:
     """Return points on upright surfaces, in the base, one a voxel; None where there are few."""
-    import open3d
-
+    open3d = imports.open3d()
     every = snapshot.depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]
     seen = np.isfinite(every) & (every > 0) & (every < maximum_range)
     rays = snapshot.camera.rays[::_EVERY_PIXEL, ::_EVERY_PIXEL][seen]

@@ -1,0 +1,54 @@
+"""Libraries without what they bring along for drawing and for notebooks."""
+
+from __future__ import annotations
+
+import sys
+from functools import cache
+from importlib import import_module
+from importlib.abc import MetaPathFinder
+from types import ModuleType
+from typing import Any
+
+_DRAWING = "open3d.visualization"
+
+
+@cache
+def open3d() -> Any:
+    """Return Open3D; its drawing is imported when somebody asks for it.
+
+    The drawing imports dash, plotly, IPython and requests: twice the time of all the rest.
+    """
+    if "open3d" in sys.modules:
+        return sys.modules["open3d"]
+    # `import open3d` finds this empty module in the place of its drawing.
+    sys.modules[_DRAWING] = ModuleType(_DRAWING)
+    try:
+        library = import_module("open3d")
+    finally:
+        del sys.modules[_DRAWING]
+    library.__getattr__ = _drawing  # type: ignore[method-assign]
+    return library
+
+
+def _drawing(name: str) -> ModuleType:
+    if name == "visualization":
+        return import_module(_DRAWING)
+    raise AttributeError(f"module 'open3d' has no attribute {name!r}")
+
+
+def hide_pandas() -> None:
+    """Let this program's process do without pandas.
+
+    pyarrow, which Rerun logs by, imports pandas if it is there, to recognise its tables. None of
+    ours comes in one. For programs alone: whoever calls the library may use both.
+    """
+    if not any(isinstance(finder, _HidesPandas) for finder in sys.meta_path):
+        sys.meta_path.insert(0, _HidesPandas())
+
+
+class _HidesPandas(MetaPathFinder):
+    """Lets ``import pandas`` end as it does where pandas is not installed."""
+
+    def find_spec(self, fullname: str, *_: object) -> None:
+        if fullname == "pandas":
+            raise ModuleNotFoundError(f"No module named {fullname!r}", name=fullname)
