@@ -37,6 +37,11 @@ def shown_lines(text: object) -> str:
     return "\n".join(map(shown, str(text).split("\n")))
 
 
+def count(number: int, thing: str, things: str | None = None) -> str:
+    """Return a number with what it counts: ``1 view``, ``2 views``; ``things``: the plural."""
+    return f"{number} {thing if number == 1 else things or thing + 's'}"
+
+
 def safe_name(name: str) -> str:
     """Return what a folder is called after a name: no way out of its place, and nothing hidden."""
     safe = re.sub(r"[/\\]", "_", shown(name)).strip()

@@ -181,13 +181,16 @@ def _log_scan(stream: Stream, recording: Recording, scan: LaserScan) -> None:
     base_from_laser = recording.base_from_laser(scan.stamp_ns)
     stream.scene.laser_height = float(base_from_laser[2, 3])
     stream.transform("tf/laser", recording.names.base, laser, base_from_laser)
+    stream.log("laser/scan", scan_points(scan), frame=laser)
+
+
+def scan_points(scan: LaserScan) -> rr.Points3D:
+    """Return where a scan's beams hit something, in the laser's frame."""
     ranges = scan.ranges.astype(np.float64)
     hit = np.isfinite(ranges) & (ranges > scan.range_min) & (ranges < scan.range_max)
     beams = np.column_stack([np.cos(scan.angles), np.sin(scan.angles)])[hit] * ranges[hit, None]
-    stream.log(
-        "laser/scan",
-        rr.Points3D(raised(beams, 0.0), colors=[colours.ODOMETRY], radii=rr.Radius.ui_points(1.5)),
-        frame=laser,
+    return rr.Points3D(
+        raised(beams, 0.0), colors=[colours.ODOMETRY], radii=rr.Radius.ui_points(1.5)
     )
 
 

@@ -248,7 +248,10 @@ WRONG = {
     "info .": (1, None),
     "export none --to svg": (1, None),
     "export text.mcap --to svg": (1, None),
-    "view none": (1, "tablemap: expected a run folder or an .rrd, found neither: none"),
+    "view none": (
+        1,
+        "tablemap: expected a run folder, an .rrd or a recording, found none of them: none",
+    ),
     "runs list none": (1, None),
     "runs list text.mcap": (1, None),
     "runs show dangling": (

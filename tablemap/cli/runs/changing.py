@@ -21,6 +21,7 @@ from tablemap.cli.printing import (
 )
 from tablemap.cli.process import process_one
 from tablemap.cli.runs.app import Run, Runs, runs_app
+from tablemap.words import count
 
 
 @runs_app.command()
@@ -105,4 +106,4 @@ def prune_(
     for row in going:
         say(folder / row.path)
     said = "removed" if yes else "would go; --yes removes them"
-    say(f"{len(going)} run{'' if len(going) == 1 else 's'} {said}", err=True)
+    say(f"{count(len(going), 'run')} {said}", err=True)

@@ -12,6 +12,7 @@ import typer
 from tablemap.cli.options import Json
 from tablemap.cli.printing import complain, say
 from tablemap.cli.runs.app import Run, Runs, runs_app
+from tablemap.words import count
 
 
 @runs_app.command("pack")
@@ -73,9 +74,8 @@ def serve_(
             say(json.dumps(document))
         else:
             say(catalog.url)
-        runs = f"{catalog.runs} run{'' if catalog.runs == 1 else 's'}"
-        words = f"{runs}; open them with: rerun {catalog.url}; or ask in Python:"
-        say(words, err=True)
+        runs = count(catalog.runs, "run")
+        say(f"{runs}; open them with: rerun {catalog.url}; or ask in Python:", err=True)
         code = f'CatalogClient("{catalog.url}").get_dataset("{DATASET}").segment_table()'
         say(f"  from rerun.catalog import CatalogClient\n  {code}", err=True)
         sys.stdout.flush()

@@ -16,6 +16,7 @@ from urllib.parse import quote
 
 from tablemap.errors import ExternalToolError, TablemapError
 from tablemap.paths import AnyPath, as_path
+from tablemap.remote import is_remote
 
 LOOPBACK = "127.0.0.1"
 START_SECONDS = 2.0
@@ -49,12 +50,19 @@ def viewer_program() -> Path:
 def rrd_tool(
     *arguments: str | Path, seconds: float | None = None
 ) -> subprocess.CompletedProcess[str]:
-    """Run one of the viewer's tools for files, and wait for it, ``seconds`` at most.
+    """Run one of the viewer's tools for .rrd files, and wait for it, ``seconds`` at most.
 
     Raises `ExternalToolError` if there is no viewer.
     """
+    return viewer_tool("rrd", *arguments, seconds=seconds)
+
+
+def viewer_tool(
+    *arguments: str | Path, seconds: float | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run one of the viewer's tools, and wait for it; see `rrd_tool`."""
     return subprocess.run(
-        [str(viewer_program()), "rrd", *map(str, arguments)],
+        [str(viewer_program()), *map(str, arguments)],
         env=viewer_environment(),
         capture_output=True,
         text=True,
@@ -101,6 +109,28 @@ def review_file(path: AnyPath) -> Path:
     if file is None:
         raise TablemapError(f"expected a run folder or an .rrd, found neither: {path}")
     return file
+
+
+def is_review(path: AnyPath) -> bool:
+    """Tell whether a path is a run, a recording's folder of runs or an .rrd, and no recording.
+
+    Raises `TablemapError` if there is nothing of that name.
+    """
+    if isinstance(path, str) and is_remote(path):
+        return False
+    local = as_path(path)
+    if not local.exists():
+        raise TablemapError(
+            f"expected a run folder, an .rrd or a recording, found none of them: {path}"
+        )
+    if local.is_dir():
+        return any(
+            next(local.glob(f"{where}{file}"), None)
+            for where in ("", "*/")
+            for file in ("run.rrd", "manifest.json")
+        )
+    with local.open("rb") as stream:
+        return local.suffix == ".rrd" or stream.read(len(MAGIC)) == MAGIC
 
 
 def is_whole(file: Path) -> bool:
