@@ -7,9 +7,9 @@ follow REP 103 and 105. The public names load lazily, so that importing ``tablem
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
+from tablemap.imports import on_demand
 from tablemap.version import __version__
 
 if TYPE_CHECKING:
@@ -69,10 +69,7 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> object:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'tablemap' has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
+__getattr__ = on_demand(__name__, _HOMES)
 
 
 def __dir__() -> list[str]:

@@ -1,13 +1,26 @@
-"""Libraries without what they bring along for drawing and for notebooks."""
+"""Modules that are imported once they are needed, and libraries without what nobody needs."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Mapping
 from functools import cache
 from importlib import import_module
 from importlib.abc import MetaPathFinder
 from types import ModuleType
 from typing import Any
+
+
+def on_demand(package: str, homes: Mapping[str, str]) -> Callable[[str], object]:
+    """Return a package's ``__getattr__``: it imports each public name's module when it is used."""
+
+    def get(name: str) -> object:
+        if name not in homes:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        return getattr(import_module(homes[name]), name)
+
+    return get
+
 
 _DRAWING = "open3d.visualization"
 

@@ -10,6 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from tablemap.archive.index import list_runs
+from tests.making.command import tablemap
+from tests.making.models import rectangle_model
+from tests.making.run_folders import make_run
+
 
 @pytest.mark.parametrize("module", ["tablemap", "tablemap.cli"])
 def test_importing_starts_nothing_heavy(module: str) -> None:
@@ -26,6 +31,32 @@ def test_the_pipeline_loads_open3d_and_rerun_only_when_needed(module: str) -> No
     code = f"import sys, {module}; print(*(set(sys.modules) & {{'open3d', 'rerun', 'kiss_icp'}}))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["--help"], ["process", "--help"], ["runs", "list"], ["config"], ["simulate", "--list"]],
+)
+def test_what_answers_at_once_imports_no_numpy(arguments: list[str], tmp_path: Path) -> None:
+    """Help, lists and settings need nothing that computes."""
+    listing, runs = tmp_path / "imports.txt", tmp_path / "runs"
+    runs.mkdir()
+    assert tablemap(*arguments, imports=listing, cwd=tmp_path).returncode == 0
+    imported = listing.read_text(encoding="utf-8").split()
+    assert "tablemap.cli.process" in imported
+    assert "numpy" not in imported
+
+
+def test_a_list_of_indexed_runs_imports_no_model(tmp_path: Path) -> None:
+    """The index has all that is listed."""
+    make_run(tmp_path, "lap/one", rectangle_model())
+    list_runs(tmp_path)
+    listing = tmp_path / "imports.txt"
+    done = tablemap("runs", "list", tmp_path, imports=listing)
+    assert "lap/one" in done.stdout
+    imported = listing.read_text(encoding="utf-8").split()
+    assert "tablemap.archive.index" in imported
+    assert "tablemap.model.table" not in imported
 
 
 def test_open3d_draws_once_it_is_asked_to() -> None:

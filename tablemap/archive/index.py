@@ -13,14 +13,15 @@ import math
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from tablemap.archive.folder import load_run
 from tablemap.errors import TablemapError
 from tablemap.files import write_whole
-from tablemap.model import TableModel
 from tablemap.model.shapes import shape_named
 from tablemap.paths import AnyPath, as_path
+
+if TYPE_CHECKING:
+    from tablemap.model import TableModel
 
 INDEX = ".index.json"
 SCHEMA = "tablemap/index/2"
@@ -82,6 +83,8 @@ def _as_it_is(folder: Path, row: RunRow) -> RunRow:
     """Return a row, as ``dead`` where it is said to run and nobody is there that writes it."""
     if row.status != "running":
         return row
+    from tablemap.archive.folder import load_run
+
     try:
         return row._replace(status="dead") if load_run(folder / row.path).is_dead else row
     except TablemapError:
@@ -90,6 +93,10 @@ def _as_it_is(folder: Path, row: RunRow) -> RunRow:
 
 def read_row(folder: Path, path: str) -> RunRow:
     """Read one run; the row's status says if it cannot be read."""
+    # Most listings find all rows in the index, and read no run.
+    from tablemap.archive.folder import load_run
+    from tablemap.model import TableModel
+
     recording, run = path.split("/")
     try:
         manifest = load_run(folder / path).manifest

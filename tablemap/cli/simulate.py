@@ -30,15 +30,17 @@ def simulate(
     as_json: Json = False,
 ) -> None:
     """Write a recording of a simulated table, and NAME.truth.json beside it."""
-    from tablemap.simulation import load_scenario, scenario_names, write
-    from tablemap.simulation import simulate as simulate_scenario
-
     if listing:
+        from tablemap.simulation import scenario_names
+
         names = scenario_names()
         say(json.dumps(list(names)) if as_json else "\n".join(names))
         return
     if not scenario or output is None:
         raise typer.BadParameter("give a SCENARIO and --output FILE, or --list.")
+    from tablemap.simulation import load_scenario, write
+    from tablemap.simulation import simulate as simulate_scenario
+
     world = simulate_scenario(load_scenario(scenario), seed=seed, nominal=nominal)
     write(world, output, profile=profile)
     truth = output.with_name(f"{output.stem}.truth.json")

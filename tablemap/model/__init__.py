@@ -1,25 +1,30 @@
 """The model of a table: ``table.json``, and questions to it."""
 
-from tablemap.model.table import (
-    Alternative,
-    CalibrationEntry,
-    Dimension,
-    Edge,
-    Figure,
-    Level,
-    PlanarPose,
-    Point,
-    PoseSigma,
-    SnapshotPose,
-    Status,
-    SurfacePose,
-    TableLeg,
-    TableModel,
-    TableSurface,
-    Verdict,
-    WarningEntry,
-    json_schema,
-)
+from typing import TYPE_CHECKING
+
+from tablemap.imports import on_demand
+
+if TYPE_CHECKING:
+    from tablemap.model.table import (
+        Alternative,
+        CalibrationEntry,
+        Dimension,
+        Edge,
+        Figure,
+        Level,
+        PlanarPose,
+        Point,
+        PoseSigma,
+        SnapshotPose,
+        Status,
+        SurfacePose,
+        TableLeg,
+        TableModel,
+        TableSurface,
+        Verdict,
+        WarningEntry,
+        json_schema,
+    )
 
 __all__ = [
     "Alternative",
@@ -41,3 +46,5 @@ __all__ = [
     "WarningEntry",
     "json_schema",
 ]
+
+__getattr__ = on_demand(__name__, dict.fromkeys(__all__, "tablemap.model.table"))

@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Annotated
-
-from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
-from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+from typing import TYPE_CHECKING, Annotated
 
 from tablemap.errors import TablemapError
+
+if TYPE_CHECKING:
+    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+    from pydantic_core import CoreSchema
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,6 +176,8 @@ class NameOf:
     def __get_pydantic_core_schema__(
         self, source: type[str], handler: GetCoreSchemaHandler
     ) -> CoreSchema:
+        from pydantic_core import core_schema
+
         return core_schema.no_info_after_validator_function(self._checked, handler(source))
 
     def __get_pydantic_json_schema__(
@@ -187,6 +190,8 @@ class NameOf:
 
     def _checked(self, name: str) -> str:
         if name not in self._names():
+            from pydantic_core import PydanticCustomError
+
             known = {"known": ", ".join(self._names()), "name": name}
             raise PydanticCustomError("shape", "expected one of {known}; found '{name}'", known)
         return name
