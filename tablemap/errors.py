@@ -168,22 +168,33 @@ class ProcessWarning:
             raise ValueError(f"undocumented warning code {self.code!r}")
 
 
-def with_damage(sentence: str, warnings: Sequence[ProcessWarning]) -> str:
-    """Return the sentence; if the recording is damaged, the result also says this."""
+def with_cause(sentence: str, warnings: Sequence[ProcessWarning]) -> str:
+    """Return the sentence; if a warning about the recording may be its cause, the result says so.
+
+    First comes damage, then what makes the recording doubtful.
+    """
     lost = [warning.message for warning in warnings if warning.code in LOSSES]
-    if not lost or lost[0] in sentence:
+    doubts = [
+        warning.message
+        for warning in warnings
+        if warning.stage == "recording" and warning.code.startswith("accuracy.")
+    ]
+    said = (lost or doubts)[:1]
+    if not said or said[0] in sentence:
         return sentence
+    if not lost:
+        return f"{sentence} This may be why: {said[0]}"
     more = f" (and {len(lost) - 1} more)" if len(lost) > 1 else ""
     return f"{sentence} The recording is damaged, which may be why: {lost[0]}{more}"
 
 
 @contextmanager
-def damage_named(warnings: Sequence[ProcessWarning]) -> Iterator[None]:
-    """Let errors raised in this context also say that the recording is damaged, if it is."""
+def cause_named(warnings: Sequence[ProcessWarning]) -> Iterator[None]:
+    """Let errors raised in this context also say what of the recording may be their cause."""
     try:
         yield
     except (RecordingError, EstimationError) as error:
-        sentence = with_damage(str(error), warnings)
+        sentence = with_cause(str(error), warnings)
         if sentence == str(error):
             raise
         raise type(error)(sentence) from error

@@ -11,7 +11,7 @@ from functools import cache
 from threadpoolctl import threadpool_limits
 
 from tablemap.config import Config, Tables, check_tables
-from tablemap.errors import EstimationError, damage_named
+from tablemap.errors import EstimationError, cause_named
 from tablemap.events import OtherTable, Record, StageFinished, StageStarted, ignore, of_table
 from tablemap.model import TableModel
 from tablemap.recording import Recording
@@ -66,7 +66,7 @@ def process(
     config = config or Config()
     chosen = config.tables if tables is None else check_tables(tables)
     # One thread: faster round small solves, and the same sums in the same order on every run.
-    with threadpool_limits(limits=1), damage_named(recording.warnings):
+    with threadpool_limits(limits=1), cause_named(recording.warnings):
         return _process(recording, config, chosen, record)
 
 

@@ -132,7 +132,7 @@ def process(
             if as_json:
                 say(json.dumps(outcome_line(outcome, place.address)))
             elif outcome.error and outcome.status == "failed":
-                complain(outcome.error)
+                complain(_named(outcome, among=len(paths)))
             if run and not quiet and len(paths) == 1:
                 shown = place.address(run) if place.is_remote else run
                 _print_outcome(outcome, shown, as_json=as_json)
@@ -150,6 +150,13 @@ def _print_outcome(outcome: Outcome, run: Path | str, *, as_json: bool) -> None:
         print_model(outcome.model, run, console=console, others=outcome.others)
     elif outcome.run and outcome.run.manifest.timings and not as_json:
         print_left(run, console=stdout_console())
+
+
+def _named(outcome: Outcome, *, among: int) -> str:
+    """Return a failed outcome's sentence; of several recordings it says whose it is."""
+    error = outcome.error or ""
+    name = outcome.recording.name
+    return error if among == 1 or name in error else f"{name}: {error}"
 
 
 def _follow(*, live: bool) -> Follow:

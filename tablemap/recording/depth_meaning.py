@@ -40,6 +40,8 @@ AGREED = 4.0
 
 _UNITS = (0.0001, 0.000125, 0.0002, 0.00025, 0.0005)  # metres, of drivers of 16-bit depth
 _UNIT_SHARE = 0.06  # the floor's ratio is within this share of a unit's
+# Metres, of the median of what a camera in a room sees: the least, the most and the usual.
+_NEAREST, _FARTHEST, _USUAL = 0.1, 15.0, 2.0
 _SURE = 2.0  # times as much floor as of the next reading, that makes it beyond doubt
 _LIKELY = 1.4
 _LEAST_FLOOR = 0.12  # of what lies below the horizon
@@ -113,7 +115,7 @@ def judge(
     ratios = {choice: _ratio(views, choice) for choice in choices}
     floors = {choice: ratio for choice, ratio in ratios.items() if ratio.share >= _LEAST_FLOOR}
     if not floors:
-        return given, []
+        return given, _implausible(views, given, unit, topic)
     best = max(floors, key=lambda choice: floors[choice].share)
     ratio = floors[best]
     recorded = _share(views, given, ratio.value)
@@ -195,6 +197,25 @@ def _off_scale(ratio: Ratio, topic: str) -> list[ProcessWarning]:
     message = (
         f"The floor on {topic} is {ratio.value:.2f} times as far as TF has it: check the depth's "
         "unit (--set topics.depth_unit=METRES) and the camera's height in TF."
+    )
+    return [ProcessWarning("accuracy.depth_meaning", "recording", message)]
+
+
+def _implausible(
+    views: Sequence[FloorView], given: DepthMeaning, unit: float, topic: str
+) -> list[ProcessWarning]:
+    """Say where no floor is seen, and most depth is farther or nearer than a room's."""
+    middle = float(np.median(np.concatenate([view.values for view in views]))) * given.factor
+    if not np.isfinite(middle) or _NEAREST < middle < _FARTHEST:
+        return []
+    number = middle / given.factor / unit  # as the images have it
+    choices = (0.001, 0.01) if unit == 1.0 else (*_UNITS, 0.01)
+    likely = min(choices, key=lambda other: abs(np.log(number * other / _USUAL)))
+    is_likely = _NEAREST < number * likely < _FARTHEST
+    metres = f"{middle:.0f}" if middle > 100 else f"{middle:.3g}"
+    message = (
+        f"The depth on {topic} is {metres} m in the middle, which is no room: its unit is likely "
+        f"another (--set topics.depth_unit={f'{likely:g}' if is_likely else 'METRES'})."
     )
     return [ProcessWarning("accuracy.depth_meaning", "recording", message)]
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from tablemap.config import LimitsConfig, TopicsConfig
-from tablemap.errors import ProcessWarning, RecordingError, with_damage
+from tablemap.errors import ProcessWarning, RecordingError, with_cause
 from tablemap.inputs import AnyInput, Input
 from tablemap.recording.calibrations import valid_calibrations
 from tablemap.recording.carried import carried_warnings
@@ -168,7 +168,7 @@ def inspect(
         ),
         frames_sampled=sampled,
         frame_roles=frame_roles,
-        missing=tuple(with_damage(sentence, warnings) for sentence in missing),
+        missing=tuple(with_cause(sentence, warnings) for sentence in missing),
         warnings=(*warnings, *(choice for choice in choices if choice not in warnings)),
     )
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tablemap.config import LimitsConfig, TopicsConfig
-from tablemap.errors import ProcessWarning, RecordingError, damage_named
+from tablemap.errors import ProcessWarning, RecordingError, cause_named
 from tablemap.geometry import Floats
 from tablemap.inputs import AnyInput, Input
 from tablemap.recording.calibrations import Calibrations, valid_calibrations
@@ -385,7 +385,7 @@ def open_recording(
     warnings: list[ProcessWarning] = []
     given = Input.of(recording)
     config, limits = topics or TopicsConfig(), limits or LimitsConfig()
-    with damage_named(warnings):
+    with cause_named(warnings):
         source = open_source(given, warnings=warnings, limits=limits)
         try:
             part = windowed(source, config.start, config.end)

@@ -22,7 +22,7 @@ class RobotPoses:
 
     tree: TransformTree
     names: FrameNames
-    localisation: PoseTrack | None
+    localisation: PoseTrack | None = None
 
     def base_from_laser(self, stamp_ns: int) -> Floats:
         """Return the (4, 4) pose of the laser in the base.

@@ -54,17 +54,35 @@ def placed(
     tree, localisation, said = completed(tree, poses, camera=camera, config=config)
     warnings += said
     if collector.rejected:
-        message = f"{collector.lost()} were left out, for they are no rigid motions."
-        warnings.append(ProcessWarning("recording.damaged", "recording", message))
+        warnings.append(ProcessWarning("recording.damaged", "recording", collector.lost()))
     camera = camera_frame(roles, tree.frames)
     strangers = [topic for topic in roles.lasers if belongs(topic, others)]
     own = [topic.frame_id for topic in roles.lasers if topic not in strangers]
-    names = find_frames(tree, camera=camera, lasers=own, config=config)
+    cause = _cause(collector, roles)
+    try:
+        names = find_frames(tree, camera=camera, lasers=own, config=config)
+    except RecordingError as error:
+        raise RecordingError(f"{error} {cause}".strip()) from error
     tree, restarts = joined_restarts(tree, names)
     warnings += restarts
-    roles, choices = with_laser(roles, names.laser, strangers)
+    roles, choices = with_laser(roles, names.laser, strangers, cause=cause)
     warnings += [*choices, *conflicts(tree, names)]
     return Placed(tree, names, roles, localisation, warnings)
+
+
+def _cause(collector: TransformCollector, roles: Roles) -> str:
+    """Say what of the transforms is missing or was rejected; nothing where all is there."""
+    causes = []
+    of_ros = [topic for topic in roles.transforms if "TFMessage" in topic.channels[0].schema_name]
+    if of_ros and not collector.has_static:
+        causes.append(
+            "The recording has no message on /tf_static, which of a split recording only the first "
+            "file has: process both (--together FIRST THIS), or tell the mountings by --set "
+            "topics.extrinsics=FILE."
+        )
+    if collector.rejected:
+        causes.append(collector.lost())
+    return " ".join(causes)
 
 
 def own_tree(

@@ -120,11 +120,12 @@ def find_roles(
 
 
 def with_laser(
-    roles: Roles, frame: str | None, strangers: Collection[Topic]
+    roles: Roles, frame: str | None, strangers: Collection[Topic], *, cause: str = ""
 ) -> tuple[Roles, list[ProcessWarning]]:
     """Return the roles with a laser of the base, or None without one, and warnings.
 
-    Several topics in one frame are one laser; ``strangers`` belong to another robot.
+    Several topics in one frame are one laser; ``strangers`` belong to another robot. ``cause`` says
+    why transforms may be missing.
     """
     own = [topic for topic in roles.lasers if topic not in strangers]
     laser = next((topic for topic in own if topic.frame_id == frame), None)
@@ -139,7 +140,7 @@ def with_laser(
                 "recording.no_pose",
                 "recording",
                 f"The laser on {first.name} was not used: its frame {first.frame_id!r} is not "
-                "connected to the base in TF.",
+                f"connected to the base in TF. {cause}".strip(),
             )
         )
     return replace(roles, laser=laser), warnings

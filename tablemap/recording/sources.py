@@ -24,6 +24,7 @@ _OTHER_FORMATS = {
     b"RRF2": "a Rerun recording, which is a result of processing and no input of it",
     b"\x1f\x8b": "packed with gzip; unpack it first",
     b"PK\x03\x04": "a zip archive; unpack it first",
+    b"version https://git-lfs": "a Git LFS pointer, not the file; fetch it with git lfs pull",
 }
 
 

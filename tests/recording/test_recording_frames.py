@@ -101,14 +101,18 @@ def test_broken_trees_are_told_clearly(edges: list, says: str) -> None:
 
 
 def test_transforms_that_are_no_motion_are_rejected() -> None:
-    """NaN and quaternions of length zero are counted, not used."""
+    """NaN and quaternions of length zero are counted with their reason, not used."""
     collector = TransformCollector()
     collector.add(TransformStamped(0, "a", "b", (0, 0, 0), LEVEL, False))
     collector.add(TransformStamped(1, "a", "b", (np.nan, 0, 0), LEVEL, False))
     collector.add(TransformStamped(2, "a", "b", (0, 0, 0), (0, 0, 0, 0), False))
     collector.add(TransformStamped(2, "a", "a", (0, 0, 0), LEVEL, False))
     assert len(collector.tree().edges["b"][0].stamps_ns) == 1
-    assert collector.rejected == {("a", "b"): 2, ("a", "a"): 1}
+    assert collector.rejected == {
+        ("a", "b", "a place or turn that is no number, or too large"): 1,
+        ("a", "b", "a quaternion of zeros"): 1,
+        ("a", "a", "a frame that is its own parent, or has no name"): 1,
+    }
 
 
 def test_roles_by_name_with_prefix() -> None:

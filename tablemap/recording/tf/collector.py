@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from array import array
+from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass, field
 
@@ -59,13 +60,14 @@ class _Sender:
 class TransformCollector:
     """Gathers transforms into a `TransformTree`.
 
-    ``rejected`` counts invalid transforms by parent and child; it is set when the tree is made.
+    ``rejected`` counts invalid transforms by parent, child and reason; it is set when the tree is
+    made.
     `add` raises `RecordingError` if there are more frames than the limits allow.
     """
 
     def __init__(self, limits: LimitsConfig | None = None) -> None:
         self._limits = limits or LimitsConfig()
-        self.rejected: dict[tuple[str, str], int] = {}
+        self.rejected: Counter[tuple[str, str, str]] = Counter()
         self._misnamed: dict[tuple[str, str], int] = {}
         self._edges: dict[tuple[str, str], dict[_Sender, _Samples]] = {}
         self._taken = 0
@@ -111,7 +113,12 @@ class TransformCollector:
 
     def tree(self, *, without: Collection[str] = ()) -> TransformTree:
         """Return the tree of all transforms except those of some namespaces."""
-        self.rejected = dict(self._misnamed)
+        self.rejected = Counter(
+            {
+                (*key, "a frame that is its own parent, or has no name"): count
+                for key, count in self._misnamed.items()
+            }
+        )
         edges = []
         for key, senders in self._edges.items():
             sent = {
@@ -124,22 +131,27 @@ class TransformCollector:
                 edges.append(edge)
         return TransformTree(edges, self._limits)
 
+    @property
+    def has_static(self) -> bool:
+        """Whether a topic of static transforms has messages."""
+        return any(sender.is_static for senders in self._edges.values() for sender in senders)
+
     def lost(self) -> str:
-        """Say how many transforms were rejected, and between which frames."""
+        """Say how many transforms were rejected, between which frames, and why."""
         shown = [
-            f"{number} transforms from {parent or '(no name)'} to {child or '(no name)'}"
-            for (parent, child), number in sorted(self.rejected.items(), key=lambda each: -each[1])
+            f"{number} transforms from {parent or '(no name)'} to {child or '(no name)'} ({reason})"
+            for (parent, child, reason), number in self.rejected.most_common()
         ]
         more = f" and of {len(shown) - 3} more frames" if len(shown) > 3 else ""
-        return ", ".join(shown[:3]) + more
+        return f"{', '.join(shown[:3])}{more} were left out, for they are no rigid motions."
 
     def _edge(self, key: tuple[str, str], senders: dict[_Sender, _Samples]) -> TransformEdge | None:
         moving: list[Track] = []
         static: list[Track] = []
         for sender, samples in sorted(senders.items(), key=lambda each: each[1].latest):
             track, unsound = _sound(samples)
-            if unsound:
-                self.rejected[key] = self.rejected.get(key, 0) + unsound
+            for reason, number in unsound.items():
+                self.rejected[(*key, reason)] += number
             if len(track.stamps_ns):
                 (static if sender.is_static else moving).append(track)
         if not moving:
@@ -154,16 +166,24 @@ class TransformCollector:
         return TransformEdge(*key, stamps, places, turns, _conflict(key, source))
 
 
-def _sound(samples: _Samples) -> tuple[Track, int]:
-    """Return the valid samples in their order, and the number of others."""
+def _sound(samples: _Samples) -> tuple[Track, Counter[str]]:
+    """Return the valid samples in their order, and the number of others by reason."""
     stamps = np.array(samples.stamps, dtype=np.int64)
     poses = np.array(samples.poses).reshape(-1, 7)
+    sent = np.linalg.norm(poses[:, 3:], axis=1)
     poses = np.where(np.abs(poses) < FARTHEST, poses, np.nan)
     norms = np.linalg.norm(poses[:, 3:], axis=1)
-    sound = np.all(np.isfinite(poses), axis=1) & (np.abs(norms - 1) < 0.1)
+    finite = np.all(np.isfinite(poses), axis=1)
+    sound = finite & (np.abs(norms - 1) < 0.1)
+    reasons = {
+        "a quaternion of zeros": finite & (sent < 1e-9),
+        "a quaternion that is not of length 1": finite & ~sound & (sent >= 1e-9),
+        "a place or turn that is no number, or too large": ~finite,
+    }
+    unsound = Counter({reason: int(np.sum(which)) for reason, which in reasons.items()})
     stamps, poses, norms = stamps[sound], poses[sound], norms[sound]
     poses[:, 3:] /= norms[:, None]
-    return Track(stamps, poses), int(np.sum(~sound))
+    return Track(stamps, poses), +unsound
 
 
 def _by_stamp(track: Track) -> Track:

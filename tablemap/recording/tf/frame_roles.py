@@ -12,6 +12,7 @@ Names decide first (REP 105), then the frames' motions:
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -151,10 +152,15 @@ def _fixed(tree: TransformTree, camera: str, given: str) -> str:
     if given:
         tree.path(given, camera)
         return given
+    if not camera:
+        raise RecordingError(
+            "The depth images name no frame (their frame_id is empty), so that their poses are "
+            "unknown; set the camera driver's frame and record again."
+        )
     if camera not in tree.frames:
         raise RecordingError(
             f"The depth camera's frame {camera!r} is not in the TF tree, whose frames are "
-            f"{', '.join(tree.frames[:12])}; record /tf_static too, from the start."
+            f"{', '.join(tree.frames[:12])}; {_way_to(camera, tree.frames)}."
         )
     for frame in _named(tree, FIXED_NAMES):
         if tree.connected(frame, camera):
@@ -168,6 +174,25 @@ def _fixed(tree: TransformTree, camera: str, given: str) -> str:
             "or name the fixed frame with --set topics.fixed_frame=FRAME."
         )
     return root
+
+
+def _way_to(camera: str, frames: Sequence[str]) -> str:
+    """Say how to connect a camera's frame that is not in the tree."""
+    words = _words(camera)
+    bodies = [frame for frame in frames if words and words & _words(frame)]
+    if not bodies:
+        return "record /tf_static too, from the start"
+    body = max(bodies, key=lambda frame: (len(words & _words(frame)), -len(frame)))
+    return (
+        f"{body!r} seems to be the camera's body, and the transform to its optical frame is "
+        "missing: record the camera driver's /tf_static, or tell it by --set topics.extrinsics=FILE"
+    )
+
+
+def _words(frame: str) -> set[str]:
+    """Return the words of a frame's name that say which sensor it is."""
+    own = set(re.split(r"[^a-z0-9]+", frame.lower()))
+    return own - {"", "link", "frame", "optical", "sensor", "base", "robot"}
 
 
 def _base(tree: TransformTree, names: FrameNames, given: str) -> str | None:

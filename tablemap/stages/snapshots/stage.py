@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 
 from tablemap.config import SensorsConfig, SnapshotsConfig
@@ -63,8 +65,10 @@ def take_snapshots(
         )
     snapshots, dropped = _decode(recording, [viewpoints[i] for i in kept], config)
     if not snapshots:
+        reasons = Counter(entry.reason for entry in dropped)
+        why = ", ".join(f"{reason} ({count})" for reason, count in reasons.most_common())
         raise EstimationError(
-            f"Expected depth images at {len(kept)} viewpoints, but none could be decoded; "
+            f"Expected depth images at {len(kept)} viewpoints, but none could be used: {why}; "
             f"see the warnings of `tablemap info`: {recording.input}"
         )
     aside = sorted([*aside, *dropped], key=lambda entry: entry.stamp_ns)
@@ -210,10 +214,21 @@ def _decode(
         pending.append(frame)
     if pending:
         finish(current, pending)
-    aside.extend(
-        SetAside("depth image", s, "it could not be decoded") for s in owner if s not in decoded
-    )
-    return snapshots, aside
+    return snapshots, aside + _left_out(recording, [s for s in owner if s not in decoded])
+
+
+def _left_out(recording: Recording, stamps_ns: list[int]) -> list[SetAside]:
+    """Say why images at stamps did not come: without a pose they are not decoded."""
+    if not stamps_ns:
+        return []
+    names = recording.names
+    _, placed = recording.base_from_cameras(np.array(stamps_ns, dtype=np.int64))
+    unplaced = f"no pose of {names.camera!r} in {names.base!r} at its stamp"
+    unread = "it could not be decoded, or fits no calibration"
+    return [
+        SetAside("depth image", stamp, unread if known else unplaced)
+        for stamp, known in zip(stamps_ns, placed, strict=True)
+    ]
 
 
 def _spread(stamps: Ints, most: int) -> Ints:
