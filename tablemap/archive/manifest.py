@@ -38,23 +38,28 @@ LEAVE_A_MODEL: tuple[Status, ...] = ("ok", "partial")
 class RecordingEntry(BaseModel):
     """The input of a run.
 
-    ``sha256`` is null until the input was read to its end, or if it is no local file. ``together``
-    are the further files of a drive that has several; size and hash are those of all files.
+    - ``path``: the recording; the first file of a drive that has several
+    - ``size``: bytes of all files
+    - ``sha256``: of all files; null until they were read to their end, or if one is not local
+    - ``together``: the other files of a drive that has several
+    - ``raw``: the paths in hexadecimal, where they are no valid text
     """
 
     path: str = Field(
-        description="the recording, as it was given or found; bytes that are no text as escapes"
+        description="the recording, as it was given or found; bytes that are no valid text are "
+        "escaped"
     )
-    size: int | None = Field(description="bytes of all parts; null where one is no local file")
+    size: int | None = Field(description="bytes of all files; null where one is not local")
     sha256: str | None = Field(
-        description="of the bytes of all parts; null until they were read to their end, or where "
-        "one is no local file"
+        description="SHA-256 of all files; null until they were read to their end, or where one is "
+        "not local"
     )
     together: tuple[str, ...] = Field(
-        default=(), description="the further places of a drive that has several"
+        default=(), description="the other files of a drive that has several"
     )
     raw: tuple[str, ...] = Field(
-        default=(), description="the bytes of all places in hexadecimal, where they are no text"
+        default=(),
+        description="the bytes of all paths in hexadecimal, where they are no valid text",
     )
 
     @staticmethod
@@ -90,12 +95,12 @@ class Manifest(BaseModel):
     recording: RecordingEntry = Field(description="the input")
     method: str = Field(description="tablemap, or report: the baseline")
     tables: Literal["best", "all"] | tuple[float, float] = Field(
-        description="which table: best (the best seen), all, or [x, y]: the nearest to that "
-        "place, metres in the map",
+        description="which table: best (the one seen best), all, or [x, y] (the one nearest to "
+        "this place, metres in the map)",
     )
-    seed: int = Field(description="number that the random draws start from")
+    seed: int = Field(description="start of the random numbers")
     versions: dict[str, str] = Field(
-        description="of Python, the system, the packages and this one's source, by name"
+        description="versions of Python, the system, the packages and tablemap's source, by name"
     )
     started: str = Field(description="date and time in UTC, ISO 8601")
     finished: str | None = Field(
@@ -112,7 +117,7 @@ class Manifest(BaseModel):
     )
     error: str | None = Field(
         default=None,
-        description="what ended the run, a sentence; null where nothing did",
+        description="why the run ended early, a sentence; null where it did not",
     )
     rejected: dict[int, str] = Field(
         default={},
@@ -120,8 +125,8 @@ class Manifest(BaseModel):
     )
     files: dict[str, str] = Field(
         default={},
-        description="SHA-256 of each file of the finished run, by its name in the folder; not "
-        "of this one",
+        description="SHA-256 of each file of the finished run, by its name in the folder, except "
+        "the manifest",
     )
 
 

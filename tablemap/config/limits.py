@@ -1,4 +1,4 @@
-"""Settings: what reading a file may cost; what claims more is left out or refused."""
+"""Settings: the most that reading a file may cost."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ MIB = 2**20
 
 
 class LimitsConfig(Section):
-    """What reading a file may cost; what claims more is left out or refused, and says so.
+    """The most that reading a file may cost. What needs more is left out or refused.
 
     A few kilobytes can claim to be gigabytes. The defaults are far above what robots write.
     """
@@ -18,110 +18,110 @@ class LimitsConfig(Section):
     chunk_mib: int = Field(
         default=256,
         gt=0,
-        description="MiB; most that one chunk unpacks to. Higher: larger files are read, with "
-        "more memory and time",
+        description="MiB; the most to which one chunk may unpack. Higher: larger files are read, "
+        "with more memory and time",
     )
     record_mib: int = Field(
         default=256,
         gt=0,
-        description="MiB; largest record of a file. Higher: larger files are read, with more "
+        description="MiB; the largest record of a file. Higher: larger files are read, with more "
         "memory and time",
     )
     unpacked_mib: int = Field(
         default=2048,
         gt=0,
-        description="MiB; most that all chunks unpack to (`expansion` times the file, if that "
-        "is more). Higher: larger files are read, with more memory and time",
+        description="MiB; the most to which all chunks may unpack; `expansion` counts where it "
+        "allows more. Higher: larger files are read, with more memory and time",
     )
     expansion: int = Field(
         default=100,
         gt=0,
-        description="sizes of the file; most that all chunks unpack to (`unpacked_mib`, if "
-        "that is more). Higher: larger files are read, with more memory and time",
+        description="sizes of the file; the most to which all chunks may unpack; `unpacked_mib` "
+        "counts where it allows more. Higher: larger files are read, with more memory and time",
     )
     channels: int = Field(
         default=4096,
         gt=0,
-        description="channels; most of a recording. Higher: larger files are read, with more "
-        "memory and time",
+        description="channels; the most that a recording may have. Higher: larger files are read, "
+        "with more memory and time",
     )
     messages: int = Field(
         default=100_000_000,
         gt=0,
-        description="messages; most of a recording. Higher: larger files are read, with more "
-        "memory and time",
+        description="messages; the most that a recording may have. Higher: larger files are read, "
+        "with more memory and time",
     )
     chunk_messages: int = Field(
         default=1_000_000,
         gt=0,
-        description="messages; most of one chunk. Higher: larger files are read, with more "
-        "memory and time",
+        description="messages; the most that one chunk may have. Higher: larger files are read, "
+        "with more memory and time",
     )
     schemas: int = Field(
         default=64,
         gt=0,
-        description="schemas; most different ones that are read. Higher: larger files are "
+        description="schemas; the most different ones that are read. Higher: larger files are "
         "read, with more memory and time",
     )
     schema_kib: int = Field(
         default=128,
         gt=0,
-        description="KiB; largest schema that is read. Higher: larger files are read, with "
+        description="KiB; the largest schema that is read. Higher: larger files are read, with "
         "more memory and time",
     )
     schema_parts: int = Field(
         default=500,
         gt=0,
-        description="fields, constants and spelt-out elements; most of one schema. Higher: "
-        "larger files are read, with more memory and time",
+        description="fields, constants and elements of arrays; the most that one schema may have. "
+        "Higher: larger files are read, with more memory and time",
     )
     schema_depth: int = Field(
         default=32,
         gt=0,
-        description="types within each other; most of one schema. Higher: larger files are "
-        "read, with more memory and time",
+        description="levels of types inside types; the most that one schema may have. Higher: "
+        "larger files are read, with more memory and time",
     )
     message_parts: int = Field(
         default=500_000,
         gt=0,
-        description="elements; most of the lists of one message. Higher: larger files are "
-        "read, with more memory and time",
+        description="elements; the most that the lists of one message may have. Higher: larger "
+        "files are read, with more memory and time",
     )
     beams: int = Field(
         default=100_000,
         gt=0,
-        description="beams; most of one laser scan. Higher: larger files are read, with more "
-        "memory and time",
+        description="beams; the most that one laser scan may have. Higher: larger files are read, "
+        "with more memory and time",
     )
     pixels: int = Field(
         default=16_000_000,
         gt=0,
-        description="pixels; most of one image. Higher: larger files are read, with more "
-        "memory and time",
+        description="pixels; the most that one image may have. Higher: larger files are read, "
+        "with more memory and time",
     )
     frames: int = Field(
         default=10_000,
         gt=0,
-        description="TF frames; most of a recording. Higher: larger files are read, with more "
-        "memory and time",
+        description="TF frames; the most that a recording may have. Higher: larger files are "
+        "read, with more memory and time",
     )
     frame_depth: int = Field(
         default=200,
         gt=0,
-        description="TF frames; longest chain of them. Higher: larger files are read, with "
-        "more memory and time",
+        description="TF frames; the longest chain from a frame to its root. Higher: larger files "
+        "are read, with more memory and time",
     )
     name_bytes: int = Field(
         default=1000,
         gt=0,
-        description="bytes; longest name of a topic, a schema or a TF frame. Higher: larger "
+        description="bytes; the longest name of a topic, a schema or a TF frame. Higher: larger "
         "files are read, with more memory and time",
     )
     idle_seconds: float = Field(
         default=300.0,
         gt=0,
-        description="seconds of reading without anything that is wanted. Higher: slow disks "
-        "are waited for longer",
+        description="seconds; reading stops after so long without a message that is needed. "
+        "Higher: slow disks get more time",
     )
 
     def over(self, name: str) -> str:

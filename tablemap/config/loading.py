@@ -127,7 +127,7 @@ RENAMED = {
     "surface.rim_set_back": "sensors.rim_set_back",
     "surface.scale_sigma": "sensors.calibrated_depth_scale_sigma_surface",
 }
-"""What became of settings that are gone: a new name, or a constant by its file and name."""
+"""Old settings, each with its new name, or with the file and name of the constant it became."""
 
 _NO_FOCAL_FIT = (
     "the floor no longer corrects the focal length; sensors.camera_focal_sigma says how far it may "
@@ -147,15 +147,15 @@ REMOVED = {
     "surface.doubted_height": _NO_MIXTURE,
     "surface.trusted_height": _NO_MIXTURE,
 }
-"""Settings without a successor, each with what to use instead, or that nothing replaces it."""
+"""Old settings without a new name, each with what to use instead."""
 
 
 def load_config(file: AnyPath | None = None, *, overrides: Sequence[str] = ()) -> Config:
-    """Merge defaults, a TOML ``file`` and ``section.key=value`` ``overrides`` into one valid tree.
+    """Merge defaults, a TOML ``file`` and ``section.key=value`` ``overrides`` into one tree.
 
     A value is read as TOML and, where that fails, as text: ``topics.depth=/camera/depth`` needs no
-    quotes. Raises `ConfigError` for what is unknown, with its new or the nearest name, or out of
-    range.
+    quotes. Raises `ConfigError` for a value out of its range, and for an unknown name; the message
+    has the new name, or the nearest one.
     """
     tree: dict[str, Any] = {}
     if file is not None:
@@ -164,12 +164,12 @@ def load_config(file: AnyPath | None = None, *, overrides: Sequence[str] = ()) -
         except OSError as error:
             raise ConfigError(f"the config cannot be read ({error.strerror}): {file}") from error
         except (ValueError, RecursionError) as error:
-            raise ConfigError(f"the config is no TOML ({error}): {file}") from error
+            raise ConfigError(f"the config is not valid TOML ({error}): {file}") from error
         old = [name for name in (*RENAMED, *REMOVED) if _is_in(tree, name)]
         if old:
             raise ConfigError(
-                f"{_fate(old[0])} (old names in the file: {len(old)}); write what you "
-                f"changed into what `tablemap config` prints now: {file}"
+                f"{_fate(old[0])} (old names in the file: {len(old)}); copy your "
+                f"changes into the output of `tablemap config`: {file}"
             )
     for setting in overrides:
         name, separator, text = setting.partition("=")

@@ -1,4 +1,4 @@
-"""Settings: kISS-ICP over the laser scans."""
+"""Settings: KISS-ICP over the laser scans."""
 
 from __future__ import annotations
 
@@ -19,28 +19,30 @@ class OdometryConfig(Section):
     threshold: float = Field(
         default=0.02,
         gt=0,
-        description="metres; scale of KISS-ICP's kernel where wheel odometry predicts the motion. "
-        "Higher: worse wheels are mended, and things that move pull more",
+        description="metres; scale of KISS-ICP's robust kernel where wheel odometry predicts the "
+        "motion. Higher: larger errors of the wheels are corrected, and moving things pull more",
     )
     threshold_without_wheels: float = Field(
         default=0.05,
         gt=0,
-        description="metres; the same where the localisation predicts it. Higher: a worse "
-        "localisation is mended, and things that move pull more",
+        description="metres; scale of KISS-ICP's robust kernel where the localisation predicts "
+        "the motion. Higher: larger errors of the localisation are corrected, and moving things "
+        "pull more",
     )
     moved: float = Field(
         default=0.02,
         gt=0,
-        description="metres of motion after which a scan is used. Higher: fewer scans, less time",
+        description="metres; a scan is used after so much motion. Higher: fewer scans, less time",
     )
     turned_deg: float = Field(
         default=1.0,
         gt=0,
-        description="degrees of turning after which a scan is used. Higher: fewer scans, less time",
+        description="degrees; a scan is used after so much turning. Higher: fewer scans, less time",
     )
     maximum_correction: float = Field(
         default=0.15,
         gt=0,
-        description="metres; a scan that KISS-ICP moves further from its prediction keeps the "
-        "prediction. Higher: worse wheels are mended, and wrong matches get through",
+        description="metres; if KISS-ICP moves a scan further than this from its prediction, the "
+        "prediction is kept. Higher: larger errors of the wheels are corrected, and wrong matches "
+        "are accepted",
     )

@@ -1,4 +1,4 @@
-"""The tree of settings as TOML: plain for a run, with comments for people."""
+"""The tree of settings as TOML: without comments for a run, with comments for people."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def dump_config(config: Config) -> str:
 
 
 def explain_config(config: Config) -> str:
-    """Return the whole tree as TOML, with what each setting is and may be as comments."""
+    """Return the whole tree as TOML; comments say what each setting is, and its range."""
     parts = []
     for name, field in Config.model_fields.items():
         value = getattr(config, name)
@@ -45,7 +45,7 @@ def _explained(name: str, field: FieldInfo, value: object) -> str:
 
 
 def _allowed(field: FieldInfo) -> str:
-    """Return the values that a setting may have, as people write them; nothing where all."""
+    """Return the values that are allowed, as people write them; an empty text if all are."""
     if get_origin(field.annotation) is Literal:
         return " | ".join(map(str, get_args(field.annotation)))
     limits = []

@@ -1,4 +1,4 @@
-"""Settings: the bachelor report's method, kept as a baseline: its parameters, as it states them."""
+"""Settings: the bachelor report's method, kept as a baseline, with the parameters it states."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from tablemap.config.section import Section
 
 
 class ReportConfig(Section):
-    """The bachelor report's method, kept as a baseline: its parameters, as it states them."""
+    """The bachelor report's method, kept as a baseline, with the parameters it states."""
 
     cut: Literal["below", "above_and_below", "nothing"] = Field(
         default="below",
-        description="what is cut off a cloud, seen from its plane, before the clouds are joined",
+        description="what is removed from a cloud before the clouds are joined: what lies below "
+        "the plane of the top, above and below it, or nothing",
     )
     icp_distance: float = Field(
         default=1.0,
         ge=0,
-        description="metres; points further apart do not correspond in ICP. Higher: clouds that "
-        "lie further apart are joined, and slide more; 0 leaves ICP out",
+        description="metres; points that lie further apart do not correspond in ICP; 0: no ICP. "
+        "Higher: clouds that lie further apart are joined, and slide more",
     )

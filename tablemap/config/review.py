@@ -14,13 +14,13 @@ class ReviewConfig(Section):
 
     level: Literal["standard", "full", "off"] = Field(
         default="standard",
-        description="standard: the snapshots' images and thinned clouds; full: every image and "
-        "scan; off: the summary and the model alone",
+        description="standard: the images and thinned clouds of the snapshots; full: every image "
+        "and scan; off: only the summary and the model",
     )
     voxel: float = Field(
         default=0.015,
         gt=0,
-        description="metres; cell of thinned clouds. Higher: fewer points, a smaller file",
+        description="metres; cell size of thinned clouds. Higher: fewer points, a smaller file",
     )
     scan_seconds: float = Field(
         default=0.5,
@@ -31,12 +31,12 @@ class ReviewConfig(Section):
     plotted_pairs: int = Field(
         default=100,
         ge=0,
-        description="pairs; most whose ICP iterations are plotted, the dropped and the worst "
-        "first. Higher: a larger file",
+        description="pairs; the most whose ICP iterations are plotted: rejected pairs first, then "
+        "the worst. Higher: a larger file",
     )
     aligned_pairs: int = Field(
         default=48,
         ge=0,
-        description="pairs; most whose clouds are shown moving, the dropped and the worst first. "
-        "Higher: a larger file, with smaller cells",
+        description="pairs; the most whose clouds are shown as they move: rejected pairs first, "
+        "then the worst. Higher: a larger file, with smaller cells",
     )

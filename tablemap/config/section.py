@@ -1,4 +1,4 @@
-"""What every group of settings is, and what is said of a setting that cannot be."""
+"""The base of every group of settings, and the sentence about a wrong setting."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Section(BaseModel):
 
 
 def explain(error: ValidationError, root: type[Section]) -> str:
-    """Say the first thing that is wrong, with the nearest name for one that is unknown."""
+    """Return a sentence about the first error; an unknown name comes with the nearest one."""
     first = error.errors()[0]
     path = [str(part) for part in first["loc"]]
     name = ".".join(path)

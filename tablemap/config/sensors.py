@@ -1,4 +1,4 @@
-"""Settings: what is believed of the robot's sensors before a recording is looked at."""
+"""Settings: how exact the robot's sensors are, before a recording is read."""
 
 from __future__ import annotations
 
@@ -8,29 +8,29 @@ from tablemap.config.section import Section
 
 
 class SensorsConfig(Section):
-    """What is believed of laser, depth camera, wheels and localisation: each fact once.
+    """How exact laser, depth camera, wheels and localisation are; each fact has one setting.
 
-    A sigma is a standard deviation. Larger ones say that a sensor is less trusted: the table's
-    dimensions then get larger sigmas, and other evidence weighs more.
+    A sigma is a standard deviation. A larger sigma trusts the sensor less: the dimensions of the
+    table get larger sigmas, and the other sensors weigh more.
     """
 
     laser_maximum_range_odometry: float = Field(
         default=30.0,
         gt=0,
         description="metres; longer ranges are left out of the odometry. Higher: far walls help, "
-        "and ranges that the laser measures badly get in",
+        "and ranges that the laser measures badly are used",
     )
     laser_maximum_range_registration: float = Field(
         default=25.0,
         gt=0,
-        description="metres; longer ranges are left out of the stops' scans. Higher: as for the "
-        "odometry",
+        description="metres; longer ranges are left out of the scans of the stops. Higher: far "
+        "walls help, and ranges that the laser measures badly are used",
     )
     laser_range_noise: float = Field(
         default=0.01,
         gt=0,
-        description="metres; random error of one beam's range (sigma). Higher: larger range steps "
-        "pass for one surface, and each scan weighs less in the fit of the legs",
+        description="metres; random error of one range (sigma). Higher: larger steps between "
+        "ranges pass for one surface, and each scan weighs less in the fit of the legs",
     )
     laser_range_bias_sigma: float = Field(
         default=0.01,
@@ -41,48 +41,48 @@ class SensorsConfig(Section):
     laser_range_scale_sigma: float = Field(
         default=0.001,
         ge=0,
-        description="share of a range; error of the laser's scale (sigma), as the surface, its "
-        "legs and the stops' poses believe it. Its clock is better, its ranges bend by as much. "
-        "Higher: larger sigmas of the table and its legs",
+        description="share of a range; error of the laser's scale (sigma), in the poses of the "
+        "stops, the surface and the legs. Higher: larger sigmas of the table and its legs",
     )
     laser_range_scale_sigma_wide: float = Field(
         default=0.003,
         gt=0,
-        description="share of a range; the same as the registration's systematic part and the "
-        "cross-check of camera and laser believe it. Higher: the views' places are less certain, "
-        "and the cross-check puts more of a disagreement down to the laser's scale",
+        description="share of a range; error of the laser's scale (sigma), in the registration's "
+        "systematic error and in the cross-check of camera and laser. Higher: the places of the "
+        "views are less certain, and the cross-check explains more of a disagreement by the "
+        "laser's scale",
     )
     laser_mounting_sigma: float = Field(
         default=0.003,
         gt=0,
-        description="metres; error of the laser's place against the camera's, as TF has them "
-        "(sigma). Higher: the views' places are less certain, and the cross-check finds a "
-        "disagreement less surprising",
+        description="metres; error of the laser's place relative to the camera in TF (sigma). "
+        "Higher: the places of the views are less certain, and the cross-check expects larger "
+        "disagreements",
     )
     laser_mounting_yaw_sigma: float = Field(
         default=0.003,
         gt=0,
-        description="radians; the same of its heading. Higher: the cross-check finds a turn less "
-        "surprising",
+        description="radians; error of the laser's heading relative to the camera in TF (sigma). "
+        "Higher: the cross-check expects larger turns",
     )
     laser_beam_half_width: float = Field(
         default=0.001,
         ge=0,
-        description="radians; half the width of a beam's spot, which makes legs look wider. "
-        "Higher: legs come out thinner",
+        description="radians; half the width of a beam, which makes legs look wider. Higher: legs "
+        "come out thinner",
     )
     laser_beam_half_width_sigma: float = Field(
         default=0.001,
         gt=0,
-        description="radians; how far it may be off (sigma). Higher: the fit of the legs may "
-        "choose the spot more freely",
+        description="radians; error of `laser_beam_half_width` (sigma). Higher: the fit of the "
+        "legs may change the width of the beam further",
     )
     drive_scale_sigma: float = Field(
         default=0.02,
         ge=0,
-        description="share of a way; error of the drive's scale where wheels and depth placed the "
-        "views, not the laser (sigma). Higher: the stops' distances say less about the depth's "
-        "scale",
+        description="share of a distance driven; error of its scale where wheels and depth placed "
+        "the views, without a laser (sigma). Higher: the distances between stops say less about "
+        "the depth's scale",
     )
 
     localisation_sigma: float = Field(
@@ -94,25 +94,26 @@ class SensorsConfig(Section):
     localisation_sigma_deg: float = Field(
         default=4.0,
         gt=0,
-        description="degrees; the same of a localised heading. Higher: as for `localisation_sigma`",
+        description="degrees; error of a localised heading in the map (sigma). Higher: as for "
+        "`localisation_sigma`",
     )
     localisation_jump_speed: float = Field(
         default=1.5,
         gt=0,
-        description="metres per second; a localised pose that moves faster has jumped, and the "
-        "robot has not. Set it above the robot's own speed. Higher: jumps pass for motion",
+        description="metres per second; a localised pose that moves faster has jumped. Set it "
+        "above the robot's top speed. Higher: jumps pass for motion",
     )
     localisation_jump_turn_deg_snapshots: float = Field(
         default=180.0,
         gt=0,
-        description="degrees per second; the same of turning, where stops are looked for. Higher: "
-        "jumps pass for motion, and end a stop",
+        description="degrees per second; a localised pose that turns faster has jumped, where "
+        "stops are searched. Higher: jumps pass for motion, and end a stop",
     )
     localisation_jump_turn_deg_odometry: float = Field(
         default=150.0,
         gt=0,
-        description="degrees per second; the same where the odometry starts from the "
-        "localisation, without wheels. Higher: jumps pass for motion",
+        description="degrees per second; a localised pose that turns faster has jumped, where the "
+        "odometry starts from the localisation, without wheels. Higher: jumps pass for motion",
     )
 
     camera_tilt_sigma_deg: float = Field(
@@ -130,134 +131,138 @@ class SensorsConfig(Section):
     camera_height_sigma_off_base: float = Field(
         default=0.05,
         gt=0,
-        description="metres; the same where the floor lies neither at z = 0 nor at the base's "
-        "origin. Higher: as for `camera_height_sigma`",
+        description="metres; error of the camera's height above a floor that lies neither at z = "
+        "0 nor at the origin of the base (sigma). Higher: as for `camera_height_sigma`",
     )
     held_camera_height_sigma: float = Field(
         default=0.03,
         gt=0,
-        description="metres; error of the height of a camera held by hand, as it is tracked "
+        description="metres; error of the tracked height of a camera that is held by hand "
         "(sigma). Higher: as for `camera_height_sigma`",
     )
     view_pan_sigma_deg: float = Field(
         default=0.1,
         gt=0,
-        description="degrees; error of the head's heading in a single view (sigma). Higher: each "
-        "view's edges may turn further about their camera",
+        description="degrees; error of the head's heading in a single view (sigma). Higher: the "
+        "edges of each view may turn further about its camera",
     )
     view_tilt_sigma_deg: float = Field(
         default=0.12,
         gt=0,
-        description="degrees; tilt of a single view beside the common one, where the views' floors "
-        "disagree (sigma). Higher: each view follows its own floor more",
+        description="degrees; tilt of a single view in addition to the tilt of all views (sigma). "
+        "Higher: each view follows its own floor more",
     )
     view_height_sigma: float = Field(
         default=0.0005,
         gt=0,
-        description="metres; the same of a single view's height. Higher: each view follows its own "
-        "floor more",
+        description="metres; height of a single view in addition to the height of all views "
+        "(sigma). Higher: each view follows its own floor more",
     )
     calibrated_view_tilt_sigma_deg: float = Field(
         default=0.3,
         gt=0,
-        description="degrees; tilt that a view keeps after the calibration (sigma). Higher: the "
-        "top's plane may slope more in a view",
+        description="degrees; tilt that is left in a view after the calibration (sigma). Higher: "
+        "the plane of the top may slope more in a view",
     )
 
     focal_length_sigma: float = Field(
         default=0.03,
         gt=0,
-        description="share of the focal length; its error in the recorded calibration (sigma). "
-        "Higher: the floor may change it further",
+        description="share of the focal length; its error for a camera that is held by hand "
+        "(sigma). Higher: larger sigmas of the dimensions",
     )
     calibrated_focal_length_sigma: float = Field(
         default=0.01,
         ge=0,
-        description="share of the focal length; the error that nothing in a drive without a laser "
-        "shows (sigma). Higher: the views' places, and so the dimensions, are less certain",
+        description="share of the focal length; its error in a drive without a laser, which "
+        "nothing there shows (sigma). Higher: the places of the views, and so the dimensions, are "
+        "less certain",
     )
     camera_focal_sigma: float = Field(
         default=0.0015,
         gt=0,
-        description="share of the focal length; its error where the views do not show it (sigma). "
+        description="share of the focal length; its error in a drive with a laser (sigma). "
         "Higher: larger sigmas of the dimensions",
     )
     depth_scale_sigma: float = Field(
         default=0.008,
         gt=0,
-        description="share of a depth; error of the depth's scale before the floor is seen "
-        "(sigma). Higher: the floor may change it further",
+        description="share of a depth; error of the depth's scale before the calibration (sigma). "
+        "Higher: floor and top may change it further",
     )
     calibrated_depth_scale_sigma_registration: float = Field(
         default=0.0015,
         gt=0,
-        description="share of a depth; the scale error that is left after the calibration (sigma), "
-        "as the registration of edges believes it. Higher: edges laid on each other may change "
-        "the scale further",
+        description="share of a depth; error of the depth's scale after the calibration (sigma), "
+        "in the registration of edges. Higher: aligned edges may change the scale further",
     )
     calibrated_depth_scale_sigma_surface: float = Field(
         default=0.005,
         gt=0,
-        description="share of a depth; the same, as the surface believes it where no calibration "
-        "tells. Higher: larger sigmas of the dimensions",
+        description="share of a depth; error of the depth's scale (sigma), in the fit of the "
+        "surface where there was no calibration. Higher: larger sigmas of the dimensions",
     )
     calibrated_depth_scale_sigma_crosscheck: float = Field(
         default=0.003,
         gt=0,
-        description="share of a depth; the same, as the cross-check of camera and laser believes "
-        "it. Higher: more of a disagreement is put down to the depth",
+        description="share of a depth; error of the depth's scale after the calibration (sigma), "
+        "in the cross-check of camera and laser. Higher: the cross-check explains more of a "
+        "disagreement by the depth's scale",
     )
     projector_baseline: float = Field(
         default=0.08,
         ge=0,
-        description="metres between a depth camera's projector and its eye, or its two eyes. "
-        "Higher: wider stripes without depth behind an edge pass for its shadow",
+        description="metres between the projector and the eye of a depth camera, or between its "
+        "two eyes. Higher: wider stripes without depth behind an edge pass for its shadow",
     )
 
     near_edge_bias: float = Field(
         default=0.25,
         gt=0,
-        description="sigmas of one edge point; error that all near edges share (sigma), as the "
-        "surface believes it. Higher: larger sigmas of the dimensions",
+        description="sigmas of one edge point; error that all near edges share (sigma), in the "
+        "fit of the surface. Higher: larger sigmas of the dimensions",
     )
     far_edge_bias: float = Field(
         default=0.4,
         gt=0,
-        description="sigmas of one edge point; the same of far edges, with their mixed pixels: a "
-        "quarter of a pixel. Higher: larger sigmas of the dimensions",
+        description="sigmas of one edge point; error that all far edges share (sigma), in the fit "
+        "of the surface; the default is a quarter of a pixel, from mixed pixels. Higher: larger "
+        "sigmas of the dimensions",
     )
     edge_bias_sigma: float = Field(
         default=0.002,
         gt=0,
-        description="metres; error that all near edges, or all far ones, share (sigma), as the "
-        "cross-check believes it. Higher: more of a disagreement is put down to it",
+        description="metres; error that all near edges share, or all far edges (sigma), in the "
+        "cross-check of camera and laser. Higher: the cross-check explains more of a disagreement "
+        "by the edges",
     )
     rim_set_back: float = Field(
         default=0.008,
         ge=0,
-        description="metres by which far edges may end early at a rim that is bevelled or rounded "
-        "(sigma). Higher: far edges weigh less there",
+        description="metres; how far inside the rim the far edges may end, where the rim is "
+        "bevelled or rounded (sigma). Higher: far edges weigh less there",
     )
     sharp_rim_set_back: float = Field(
         default=0.002,
         ge=0,
-        description="metres; the same at a rim that looks sharp. Higher: far edges weigh less",
+        description="metres; how far inside the rim the far edges may end, where the rim looks "
+        "sharp (sigma). Higher: far edges weigh less there",
     )
     silhouette_width_sigma_px: float = Field(
         default=1.0,
         gt=0,
-        description="pixels; what depth adds to a leg on each side (sigma). Higher: the width of a "
-        "leg's silhouette says less in the cross-check",
+        description="pixels; error of each side of a leg's silhouette in depth (sigma). Higher: "
+        "the width of a silhouette weighs less in the cross-check",
     )
     silhouette_middle_sigma_px: float = Field(
         default=0.3,
         gt=0,
-        description="pixels; what depth shifts a leg by (sigma). Higher: legs say less in the "
-        "cross-check",
+        description="pixels; error of the middle of a leg's silhouette in depth (sigma). Higher: "
+        "legs weigh less in the cross-check",
     )
     depth_silhouette_sigma: float = Field(
         default=0.006,
         gt=0,
-        description="metres; error of a leg's silhouette and face in depth (sigma), where the "
-        "laser does not see it. Higher: larger sigmas of such legs",
+        description="metres; error of a leg's silhouette and face in depth, where the laser does "
+        "not see the leg (sigma). Higher: larger sigmas of such legs",
     )

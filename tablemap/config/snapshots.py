@@ -13,13 +13,13 @@ class SnapshotsConfig(Section):
     maximum: int = Field(
         default=40,
         ge=1,
-        description="snapshots; most that are kept, those that show a new view first. Higher: more "
-        "views, time and memory",
+        description="snapshots; the most that are kept; those that show a new view come first. "
+        "Higher: more views, more time and memory",
     )
     images_per_stop: int = Field(
         default=10,
         ge=1,
-        description="images; most that are combined at a stop. Higher: less noise, more time",
+        description="images; the most that are combined at one stop. Higher: less noise, more time",
     )
     stop_seconds: float = Field(
         default=0.5,
@@ -29,22 +29,24 @@ class SnapshotsConfig(Section):
     still_speed: float = Field(
         default=0.02,
         gt=0,
-        description="metres per second; below it the base stands. Higher: a pose that jitters "
-        "passes for rest, and so does slow motion, which blurs a stop",
+        description="metres per second; below this speed the base stands still. Higher: a pose "
+        "that jitters counts as standing, and so does slow motion, which blurs a stop",
     )
     still_turn_deg: float = Field(
         default=2.0,
         gt=0,
-        description="degrees per second; below it the base stands. Higher: as for `still_speed`",
+        description="degrees per second; below this rate the base stands still. Higher: as for "
+        "`still_speed`",
     )
     keyframe_distance: float = Field(
         default=0.15,
         gt=0,
-        description="metres to every other view that make a new one, where the robot made no stops "
-        "or too many. Higher: fewer snapshots",
+        description="metres; a view is new if it is this far from every other view, where the "
+        "robot made no stops or too many. Higher: fewer snapshots",
     )
     keyframe_angle_deg: float = Field(
         default=15.0,
         gt=0,
-        description="degrees to every other view that make a new one. Higher: fewer snapshots",
+        description="degrees; a view is new if it is turned by this much from every other view. "
+        "Higher: fewer snapshots",
     )

@@ -1,4 +1,4 @@
-"""Settings: which channel and frame plays which role; empty means: found by itself."""
+"""Settings: which topic and which frame has which role; empty: found by itself."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tablemap.config.section import Section
 
 
 class TopicsConfig(Section):
-    """Which channel and frame plays which role; empty means: found by itself."""
+    """Which topic and which frame has which role; empty: found by itself."""
 
     depth: str = Field(
         default="",
@@ -33,26 +33,27 @@ class TopicsConfig(Section):
     depth_unit: float = Field(
         default=0.0,
         ge=0,
-        description="metres that a depth value of one stands for; 0: by encoding and floor. "
-        "Higher: all depths are longer",
+        description="metres that a depth value of one stands for; 0: from the encoding and the "
+        "floor. Higher: all depths are longer",
     )
     depth_along: Literal["", "axis", "ray"] = Field(
         default="",
-        description="what depth is measured along: the optical axis, or each ray; empty: by the "
-        "floor",
+        description="what depth is measured along: the optical axis (axis), or each pixel's ray "
+        "(ray); empty: from the floor",
     )
     camera_axes: Literal["", "optical", "body"] = Field(
         default="",
         description="axes of the images' frame: z forward (optical), or x forward (body); empty: "
-        "by the floor",
+        "from the floor",
     )
     robot: str = Field(
         default="",
-        description="the robot's namespace or frame prefix, of several; empty: the camera's own",
+        description="namespace or frame prefix of the robot, where there are several; empty: the "
+        "camera's robot",
     )
     fixed_frame: str = Field(
         default="",
-        description="TF frame that the model is to be in, as map; empty: found by itself",
+        description="TF frame of the model, such as map; empty: found by itself",
     )
     odom_frame: str = Field(
         default="",
@@ -68,7 +69,8 @@ class TopicsConfig(Section):
     )
     pose_frame: str = Field(
         default="",
-        description="TF frame whose poses these are; empty: as told, or the base",
+        description="TF frame whose poses these are; empty: the one that the messages name, or "
+        "the base",
     )
     extrinsics: str = Field(
         default="",
@@ -76,13 +78,13 @@ class TopicsConfig(Section):
     )
     start: str = Field(
         default="",
-        description="seconds from the begin (-: before the end), or a date; reading starts "
-        "then; empty: at the begin",
+        description="seconds from the beginning (negative: from the end), or a date; reading "
+        "starts there; empty: at the beginning",
     )
     end: str = Field(
         default="",
-        description="seconds from the begin (-: before the end), or a date; reading ends "
-        "then; empty: at the end",
+        description="seconds from the beginning (negative: from the end), or a date; reading ends "
+        "there; empty: at the end",
     )
 
     @field_validator("start", "end", mode="before")

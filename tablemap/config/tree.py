@@ -33,14 +33,14 @@ from tablemap.config.topics import TopicsConfig
 from tablemap.errors import ConfigError
 
 Method = Literal["tablemap", "report"]
-"""Which method: this package's, or the bachelor report's as the baseline."""
+"""The method: tablemap's own, or that of the bachelor report, as the baseline."""
 
 Tables = Literal["best", "all"] | tuple[float, float]
-"""Which table: the best seen, all of them, or the one nearest to a place in the fixed frame."""
+"""The choice of tables: the one seen best, all, or the one nearest to a place in the map."""
 
 
 def check_tables(tables: object) -> Tables:
-    """Return which tables are asked for. Raises `ConfigError` for what is no such choice."""
+    """Return the choice of tables. Raises `ConfigError` for anything that is none."""
     if tables == "best":
         return "best"
     if tables == "all":
@@ -54,7 +54,7 @@ def check_tables(tables: object) -> Tables:
 
 
 class Config(Section):
-    """Everything that decides a run's result, apart from the recording.
+    """Everything that decides the result of a run, except the recording.
 
     Raises `ConfigError` for a setting that is unknown or out of its range.
     """
@@ -62,16 +62,16 @@ class Config(Section):
     seed: int = Field(
         default=0,
         ge=0,
-        description="number that the random draws start from; the same seed gives the same bytes",
+        description="start of the random numbers; the same seed gives the same bytes",
     )
     method: Method = Field(
         default="tablemap",
-        description="tablemap, or report: the bachelor report's method, as the baseline",
+        description="tablemap; or report: the method of the bachelor report, as the baseline",
     )
     tables: Annotated[Tables, BeforeValidator(check_tables)] = Field(
         default="best",
-        description="which table: best (the best seen), all, or [x, y]: the nearest to that "
-        "place, metres in the map",
+        description="which table: best (the one seen best), all, or [x, y] (the one nearest to "
+        "this place, metres in the map)",
     )
     topics: TopicsConfig = TopicsConfig()
     sensors: SensorsConfig = SensorsConfig()

@@ -227,7 +227,7 @@ WRONG = {
     ),
     "process text.mcap --config bad.toml": (
         2,
-        "tablemap: the config is no TOML (Invalid value (at end of document)): bad.toml",
+        "tablemap: the config is not valid TOML (Invalid value (at end of document)): bad.toml",
     ),
     "process text.mcap --set seed": (
         2,

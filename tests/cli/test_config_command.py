@@ -107,7 +107,7 @@ def test_settings_are_printed_with_what_they_are() -> None:
     lines = text.splitlines()
     at = lines.index("stop_seconds = 0.5")
     assert lines[at - 1] == "# seconds; a shorter rest is no stop. Higher: fewer stops (> 0)"
-    assert "# standard: the snapshots' images" in text
+    assert "# standard: the images and thinned clouds" in text
     assert "(standard | full | off)" in text
     assert max(map(len, lines)) <= 100
     config = load_config(overrides=["registration.gates=[0.3, 0.1]"])
