@@ -1,1 +1,1 @@
-"""The bachelor report's method, to compare with."""
+"""The method of the bachelor report, to compare with."""

@@ -1,13 +1,18 @@
 """The bachelor report's method, as the baseline: depth clouds, 6-DoF ICP, a hull, two primitives.
 
-TU Eindhoven's report, in short: per snapshot the cloud in the map as localised, without what lies
-lower than 0.1 m; its nearest Euclidean cluster; a horizontal plane by RANSAC (3 cm), whose height
-is averaged over the snapshots; nothing under the plane less 1 cm. The clouds are added one at a
-time by point-to-point ICP onto the growing cloud (maximum correspondence distance 1 m). Flattened,
-the concave hull's points vote, by RANSAC with a 3 cm threshold, for a circle through three points
-and for two parallel lines through three points, found twice; inliers over hull points is the score
-and the better score wins. What the report tried more than one way is in
-`tablemap.config.ReportConfig`.
+The steps of the report (TU Eindhoven):
+
+1. Each snapshot gives a cloud in the map, at its localised pose. Points lower than 0.1 m are
+   dropped. The nearest Euclidean cluster is kept.
+2. RANSAC (3 cm) finds a horizontal plane in the cluster. The planes' heights are averaged over the
+   snapshots. Points more than 1 cm below this height are dropped.
+3. Point-to-point ICP adds one cloud after the other to the growing cloud. Points that lie more than
+   1 m apart do not correspond.
+4. The cloud is projected to the floor. RANSAC (3 cm) searches its concave hull for a circle through
+   three points, and twice for two parallel lines through three points.
+5. A shape's score is its share of inliers among the hull points. The higher score wins.
+
+Where the report tried more than one way, `tablemap.config.ReportConfig` chooses.
 """
 
 from __future__ import annotations
@@ -32,26 +37,31 @@ from tablemap.stages.snapshots import Snapshot, take_snapshots
 if TYPE_CHECKING:
     import open3d
 
-# As the report states them, in metres.
-FLOOR = 0.1  # what lies lower is dropped at once
+# The values of the report, in metres.
+FLOOR = 0.1  # lower points are dropped first
 PLANE_THRESHOLD = 0.03  # RANSAC of the top's plane
-CUT_MARGIN = 0.01  # below the plane, still kept
+CUT_MARGIN = 0.01  # points so far below the plane are kept
 THRESHOLD = 0.03  # RANSAC of circle and lines
 
-# The report leaves these open.
+# The report does not state these.
 VOXEL = 0.01  # metres: cell of every cloud
 CLUSTER_TOLERANCE = 0.03  # metres: gap between clusters
 CLUSTER_MINIMUM = 300  # cells of the smallest cluster
 ALPHA = 0.1  # metres: radius of the concave hull
-LEAST_SCORE = 0.5  # of a primitive: below it the hull stands
+LEAST_SCORE = 0.5  # of a circle or parallelogram; below it the hull is the result
 PLANE_ITERATIONS = 500
-HORIZONTAL = 0.95  # least cosine between a plane's normal and the vertical
+HORIZONTAL = 0.95  # least cosine between the normal of a plane and the vertical
 ICP_ITERATIONS = 50
 
 
 @dataclass(frozen=True, eq=False)
 class ViewCloud:
-    """One snapshot's table: ``points`` (n, 3) in the map as localised; its plane's height."""
+    """The table in one snapshot.
+
+    - ``index``: of the snapshot
+    - ``points``: (n, 3), metres, in the map, at the localised pose
+    - ``height``: metres, of the plane in the cloud
+    """
 
     index: int
     points: Floats
@@ -61,13 +71,14 @@ class ViewCloud:
 def process(
     recording: Recording, *, config: Config, tables: Tables | None = None, record: Record = ignore
 ) -> Processed:
-    """Model the table as the report did; ``tables`` other than the best are not for this method.
+    """Model the table by the method of the report.
 
-    Raises `EstimationError` where no snapshot shows a horizontal plane in its nearest cluster.
+    Raises `EstimationError` if no snapshot shows a horizontal plane in its nearest cluster, or if
+    ``tables`` is not ``best``: the method finds no other table.
     """
     if (config.tables if tables is None else tables) != "best":
         raise EstimationError(
-            "the report's method takes what is nearest: leave out --near and --all."
+            "the report's method models the nearest table alone; leave out --near and --all."
         )
     settings, stage = config.report, stages(record)
     with stage("snapshots"):
@@ -124,7 +135,7 @@ def process(
 
 
 def table_cloud(snapshot: Snapshot, *, seed: int) -> ViewCloud | str:
-    """Return a snapshot's nearest cluster in the map and its plane, or why there is none."""
+    """Return the nearest cluster of a snapshot and the height of its plane, or why it has none."""
     o3d = imports.open3d()
     in_map = transform(snapshot.map_from_base.lifted(), snapshot.points_in_base()).reshape(-1, 3)
     in_map = in_map[np.isfinite(in_map[:, 2]) & (in_map[:, 2] >= FLOOR)]
@@ -136,7 +147,7 @@ def table_cloud(snapshot: Snapshot, *, seed: int) -> ViewCloud | str:
     sizes = np.bincount(labels)
     large = np.flatnonzero(sizes >= CLUSTER_MINIMUM)
     if not len(large):
-        return "it shows no cluster that is large enough"
+        return "it shows no large cluster"
     robot = snapshot.map_from_base.translation
     distances = np.hypot(*(points[:, :2] - robot).T)
     nearest = min(large.tolist(), key=lambda label: float(distances[labels == label].min()))
@@ -154,7 +165,7 @@ def table_cloud(snapshot: Snapshot, *, seed: int) -> ViewCloud | str:
 def join(
     views: list[ViewCloud], height: float, config: ReportConfig
 ) -> tuple[Floats, dict[int, Floats]]:
-    """Add the clouds one at a time onto the growing one; return it and each view's motion."""
+    """Add one cloud after the other to the growing one; return it and the motion of each view."""
     o3d = imports.open3d()
     whole = _cut(views[0].points, height, config)
     corrections = {views[0].index: np.eye(4)}
@@ -193,21 +204,21 @@ def _cloud(points: Floats) -> open3d.geometry.PointCloud:
 
 
 def _corrected(snapshot: Snapshot, motion: Floats) -> tuple[float, float, float]:
-    """Return x, y, yaw of a snapshot's base after its cloud's 6-DoF motion."""
+    """Return x, y, yaw of the base after the 6-DoF motion of the snapshot's cloud."""
     pose = motion @ snapshot.map_from_base.lifted()
     return float(pose[0, 3]), float(pose[1, 3]), float(np.arctan2(pose[1, 0], pose[0, 0]))
 
 
 def _surface(hull: Floats, height: float, *, seed: int) -> m.TableSurface:
-    """Let circle and parallelogram compete for the hull's points; the hull is the fallback."""
+    """Return the shape with the higher score; the hull, if both scores are low."""
     rng = np.random.default_rng(seed)
     tried = [
         find_circle(hull, THRESHOLD, rng),
         find_parallelogram(hull, THRESHOLD, rng),
     ]
     found = sorted((t for t in tried if t is not None), key=lambda t: -t.score)
-    stands = found and found[0].score >= LEAST_SCORE
-    best = found[0] if stands else Found.of_hull(hull)
+    is_good = found and found[0].score >= LEAST_SCORE
+    best = found[0] if is_good else Found.of_hull(hull)
     outline = tuple((float(x), float(y)) for x, y in best.outline)
     zero = (0.0, 0.0, 0.0)
     return m.TableSurface(

@@ -1,4 +1,4 @@
-"""The report's concave hull and its two primitives, found by RANSAC among the hull's points."""
+"""The concave hull of the report, and its two shapes, found by RANSAC among the hull points."""
 
 from __future__ import annotations
 
@@ -17,7 +17,14 @@ TRIALS = 4000
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A primitive: pose of its centroid, dimensions, outline (n, 2), inliers over hull points."""
+    """A shape that was found.
+
+    - ``shape``: its name
+    - ``x``, ``y``, ``yaw``: pose of its centroid in the map, metres and radians
+    - ``dimensions``: by name, metres; an angle in radians
+    - ``outline``: (n, 2), metres, in the map
+    - ``score``: share of the hull points that are inliers
+    """
 
     shape: str
     x: float
@@ -29,7 +36,7 @@ class Found:
 
     @staticmethod
     def of_hull(hull: Floats) -> Found:
-        """Return the mesh of the hull: its points in the order of their directions."""
+        """Return the hull as a mesh; its points are ordered by their directions from the middle."""
         centre = hull.mean(axis=0)
         order = np.argsort(np.arctan2(*(hull - centre).T[::-1]))
         polygon = shapely.Polygon(hull[order])
@@ -38,13 +45,13 @@ class Found:
 
 
 def hull_points(points: Floats, alpha: float) -> Floats:
-    """Return the (n, 2) vertices of the alpha shape's outer rim (Edelsbrunner 1983).
+    """Return the (n, 2) vertices on the rim of the alpha shape (Edelsbrunner 1983).
 
-    Raises `EstimationError` where fewer than three points are not on one line.
+    Raises `EstimationError` if all points lie on one line, or the alpha shape has no rim.
     """
     flat = np.unique(np.round(points, 4), axis=0)
     if len(flat) < 4 or np.linalg.svd(flat - flat.mean(axis=0), compute_uv=False)[1] < 1e-3:
-        raise EstimationError("the joined cloud has no extent; look at the snapshots in run.rrd.")
+        raise EstimationError("the joined cloud lies on a line; look at the snapshots in run.rrd.")
     triangles = Delaunay(flat).simplices
     corners = flat[triangles]
     a, b, c = (np.hypot(*(corners[:, i] - corners[:, j]).T) for i, j in ((0, 1), (1, 2), (2, 0)))
@@ -60,7 +67,7 @@ def hull_points(points: Floats, alpha: float) -> Floats:
 
 
 def find_circle(hull: Floats, threshold: float, rng: np.random.Generator) -> Found | None:
-    """Find the circle through three points that most others lie on, refined on its inliers."""
+    """Find the circle through three points with the most inliers, and refine it on these."""
     p, q, r = (hull[rng.integers(len(hull), size=TRIALS)] for _ in range(3))
     d = 2 * (p[:, 0] * (q - r)[:, 1] + q[:, 0] * (r - p)[:, 1] + r[:, 0] * (p - q)[:, 1])
     valid = np.abs(d) > 1e-6
@@ -91,7 +98,7 @@ def find_circle(hull: Floats, threshold: float, rng: np.random.Generator) -> Fou
 
 
 def find_parallelogram(hull: Floats, threshold: float, rng: np.random.Generator) -> Found | None:
-    """Find two parallel lines through three points, take their inliers away, find two more."""
+    """Find two parallel lines through three points, remove their inliers, and find two more."""
     first = _parallel_lines(hull, threshold, rng)
     if first is None:
         return None
@@ -112,7 +119,7 @@ def find_parallelogram(hull: Floats, threshold: float, rng: np.random.Generator)
     lengths = np.hypot(*sides.T)
     along = int(lengths[1] > lengths[0])
     length, width = lengths[along], lengths[1 - along]
-    # Counter-clockwise from the length to the width: the corner where the long side starts.
+    # Counter-clockwise from length to width, at the corner where the long side begins.
     u, v = sides[along], -sides[along - 1]
     angle = float(np.arctan2(u[0] * v[1] - u[1] * v[0], u @ v))
     on_lines = first.inliers(hull, threshold) | second.inliers(hull, threshold)
@@ -130,7 +137,7 @@ def find_parallelogram(hull: Floats, threshold: float, rng: np.random.Generator)
 
 @dataclass(frozen=True, eq=False)
 class _Lines:
-    """Two parallel lines: points x with ``normal @ x`` equal to either of ``offsets``."""
+    """Two parallel lines: ``normal @ x`` of their points x is one of the two ``offsets``."""
 
     normal: Floats
     offsets: Floats
@@ -149,7 +156,7 @@ def _parallel_lines(points: Floats, threshold: float, rng: np.random.Generator) 
     length = np.hypot(*along.T)
     normals = np.column_stack([-along[:, 1], along[:, 0]]) / np.maximum(length, 1e-9)[:, None]
     first, second = (normals * p).sum(axis=1), (normals * r).sum(axis=1)
-    # Two lines that share their inliers are one line seen twice.
+    # Two lines with the same inliers are one line.
     valid = (length > 2 * threshold) & (np.abs(second - first) > 2 * threshold)
     if not valid.any():
         return None
@@ -158,7 +165,7 @@ def _parallel_lines(points: Floats, threshold: float, rng: np.random.Generator) 
     near_first = np.abs(projected - first[:, None]) <= threshold
     near_second = np.abs(projected - second[:, None]) <= threshold
     best = int(np.argmax((near_first | near_second).sum(axis=1)))
-    # Total least squares on the inliers: one direction for both lines, an offset each.
+    # Total least squares on the inliers: both lines have one direction, each has an offset.
     groups = [points[near_first[best]], points[near_second[best]]]
     centred = np.vstack([group - group.mean(axis=0) for group in groups])
     normal = np.linalg.svd(centred, full_matrices=False)[2][1]
