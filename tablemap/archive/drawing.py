@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from tablemap import palette
 from tablemap.errors import TablemapError
 from tablemap.files import write_whole
 from tablemap.model import TableLeg, TableModel
@@ -11,7 +12,7 @@ from tablemap.model.shapes import shape_named
 from tablemap.paths import AnyPath, as_path
 from tablemap.words import escape
 
-COLOURS = ("#1f6fb4", "#d1581b")
+COLOURS = (palette.FIRST.css, palette.SECOND.css)
 MARGIN = 0.25  # metres round both tables
 PIXELS = 640  # the longer side of the room that is drawn
 LEG_WITHOUT_SIZE = 0.04

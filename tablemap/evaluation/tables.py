@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from tablemap import palette
 from tablemap.evaluation.aggregate import RunScore
 from tablemap.evaluation.published import PUBLISHED
 from tablemap.model.shapes import CIRCLE, PARALLELOGRAM, SHAPES
@@ -209,7 +210,7 @@ def error_svg(runs: Sequence[RunScore]) -> str:
     """Return a strip plot: each run's largest measured dimension error, by scenario and method."""
     scenarios = list(dict.fromkeys(run.scenario for run in runs))
     methods = list(dict.fromkeys(run.method for run in runs))
-    colours = dict(zip(methods, ("#1f6feb", "#d1661a"), strict=False))
+    colours = dict(zip(methods, (palette.FIRST.css, palette.SECOND.css), strict=False))
     left, row, width = 210, 22, 760
     ticks = [0.1, 1, 10, 100, 1000]
 

@@ -8,6 +8,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from tablemap import palette
 from tablemap.geometry import Pose2, transform
 from tablemap.review import colours, text
 from tablemap.review.clouds import raised
@@ -18,6 +19,7 @@ from tablemap.stages.registration import Pair, Registration, StopScan
 
 GRAPH_PIXELS_PER_METRE = 160.0
 RESIDUAL_LIMIT = 0.02
+NAME_ASIDE = (0.0, 24.0)  # pixels
 MANY_SHARE = 0.4
 BASE_ARROW = 0.25
 FLOOR = 0.02
@@ -50,7 +52,9 @@ class Alignment:
         poses = registration.map_from_base
         stream.hold()
         stream.text("registration/summary", text.registration(registration))
-        log_trajectory(stream, "trajectory/registered", registration.trajectory, colours.REGISTERED)
+        log_trajectory(
+            stream, "trajectory/registered", registration.trajectory, palette.REGISTERED.on_dark
+        )
         for scan in registration.stop_scans:
             _log_stop_scan(stream, "after", scan, poses[scan.index])
         for index, top in scene.tops.items():
@@ -98,7 +102,7 @@ def _log_stops(stream: Stream, path: str, poses: Sequence[Pose2], used: tuple[bo
         ring = [*corners, corners[0]]
         spokes = [point for corner in corners for point in (centre, corner)]
         strips.append(np.array([*ring, *spokes], dtype=np.float32))
-        tints.append(colours.of_stop(index) if used[index] else colours.MUTED)
+        tints.append(colours.of_stop(index) if used[index] else palette.LEFT_OUT.on_dark)
         labels.append(str(index) if used[index] else f"{index} (not used)")
     if strips:
         stream.log(
@@ -108,9 +112,10 @@ def _log_stops(stream: Stream, path: str, poses: Sequence[Pose2], used: tuple[bo
                 colors=tints,
                 radii=rr.Radius.ui_points(1.5 if is_few else 1.0),
                 labels=labels,
-                show_labels=is_few,
+                show_labels=False,
             ),
         )
+        stream.names(f"{path}/names", [strip[-1] for strip in strips], labels, shown=is_few)
 
 
 def _log_bases(stream: Stream, registration: Registration) -> None:
@@ -129,14 +134,16 @@ def _log_bases(stream: Stream, registration: Registration) -> None:
             origins=raised(np.array([pose.translation for pose in poses]), FLOOR),
             vectors=raised(np.array(ahead), 0.0),
             colors=[
-                colours.of_stop(i) if used else colours.MUTED
+                colours.of_stop(i) if used else palette.LEFT_OUT.on_dark
                 for i, used in enumerate(registration.used)
             ],
             radii=rr.Radius.ui_points(3.0 if is_few else 1.5),
             labels=labels,
-            show_labels=is_few,
+            show_labels=False,
         ),
     )
+    places = raised(np.array([pose.translation for pose in poses]), FLOOR)
+    stream.names("registration/bases/names", places, labels, shown=is_few)
 
 
 def _log_pairs(stream: Stream, registration: Registration) -> None:
@@ -149,7 +156,7 @@ def _log_pairs(stream: Stream, registration: Registration) -> None:
             f"registration/graph_in_map/{kind}_{'used' if used else 'dropped'}",
             rr.LineStrips3D(
                 [eyes[[p.target, p.source]] for p in pairs],
-                colors=_tints(registration, pairs) if used else [colours.MUTED],
+                colors=_tints(registration, pairs) if used else [palette.LEFT_OUT.on_dark],
                 radii=rr.Radius.ui_points(0.7),
                 labels=[
                     f"{p.source} to {p.target}: rmse {1000 * p.rmse:.1f} mm"
@@ -165,7 +172,7 @@ def _log_pairs(stream: Stream, registration: Registration) -> None:
             "registration/graph_before",
             rr.LineStrips3D(
                 [_eyes(stream, registration.graph_before)],
-                colors=[colours.LOCALISED],
+                colors=[palette.LOCALISED.on_dark],
                 radii=rr.Radius.ui_points(1.0),
             ),
         )
@@ -212,21 +219,29 @@ def _log_graph(stream: Stream, registration: Registration) -> None:
                 left.setdefault(index, []).append(text.pair_residual(registration, pair))
     mean = [float(np.mean(left.get(i, [np.nan]))) for i in range(len(places))]
     tints = colours.severity(np.array(mean), RESIDUAL_LIMIT)
-    tints[~np.array(registration.used, dtype=bool)] = colours.MUTED
+    tints[~np.array(registration.used, dtype=bool)] = palette.LEFT_OUT.on_dark
     stream.log_flat(
         "registration/graph",
         rr.GraphNodes(
             node_ids=[str(i) for i in range(len(places))],
             positions=places * np.array([1.0, -1.0]),
             colors=tints,
-            labels=[
-                f"stop {i}" if len(places) <= FEW_STOPS else str(i) for i in range(len(places))
-            ],
             radii=[9.0] * len(places),
+            show_labels=False,
         ),
         rr.GraphEdges(
             edges=[(str(p.target), str(p.source)) for p in registration.pairs if p.used],
             graph_type="undirected",
+        ),
+    )
+    # A node without a colour has its label in the theme's colour of text.
+    stream.log_flat(
+        "registration/graph/names",
+        rr.GraphNodes(
+            node_ids=[f"stop {i}" for i in range(len(places))],
+            positions=(places + NAME_ASIDE) * np.array([1.0, -1.0]),
+            labels=[str(i) for i in range(len(places))],
+            show_labels=True,
         ),
     )
 

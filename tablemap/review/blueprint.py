@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import rerun as rr
 import rerun.blueprint as rrb
 
-from tablemap.review import colours
+from tablemap import palette
 from tablemap.review.eyes import (
     WHOLE,
     Override,
@@ -14,8 +16,10 @@ from tablemap.review.eyes import (
     of_table,
     round_table,
 )
+from tablemap.review.legend import with_legend
 from tablemap.review.stream import FEW_STOPS, DrawnScene
 
+PLOT = rrb.archetypes.PlotBackground(color=palette.BACKGROUND)
 QUIET_LEGEND = rrb.PlotLegend(visible=False)
 Contents = rrb.View | rrb.Container
 
@@ -63,14 +67,22 @@ def _text(origin: str, name: str) -> rrb.TextDocumentView:
 
 
 def _plot(origin: str, name: str) -> rrb.TimeSeriesView:
-    return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=QUIET_LEGEND)
+    return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=QUIET_LEGEND, background=PLOT)
+
+
+def _flat(
+    origin: str, name: str, *, bounds: rrb.VisualBounds2D | None = None, **more: Any
+) -> rrb.Spatial2DView:
+    return rrb.Spatial2DView(
+        origin=origin, name=name, background=palette.BACKGROUND, visual_bounds=bounds, **more
+    )
 
 
 def _overview(scene: DrawnScene) -> rrb.Container:
     shown = [
         "/model/**",
-        "/surface/beside",
-        "/registration/bases" if len(scene.localised) <= FEW_STOPS else "/registration/stops",
+        "/surface/beside/**",
+        "/registration/bases/**" if len(scene.localised) <= FEW_STOPS else "/registration/stops/**",
         "/registration/after/scan/**",
         "/trajectory/registered",
         "/story/**",
@@ -84,12 +96,12 @@ def _overview(scene: DrawnScene) -> rrb.Container:
             "/registration/after/**",
             "/segmentation/candidates/**",
             "/outline/edges/table/**",
-            "/surface/chosen",
+            "/surface/chosen/**",
             "/trajectory/localised",
         ]
     if "registration" not in scene.reached:
         shown += [
-            "/registration/localised_stops",
+            "/registration/localised_stops/**",
             "/segmentation/points",
             "/laser/scan",
             "/robot/**",
@@ -108,19 +120,20 @@ def _overview(scene: DrawnScene) -> rrb.Container:
     if scene.localised:
         image = _image(scene, "colour" if scene.has_colour and scene.colour_fits else "depth")
         right = [rrb.Vertical(*right, image, row_shares=[1.7, 1.0])]
-    return _beside("Overview", 1.7, space, *right)
+    return _beside("Overview", 1.7, with_legend(space, "overview", height=620), *right)
 
 
 def _quiet(scene: DrawnScene) -> dict[rr.datatypes.EntityPath | str, Override]:
     """Return overrides that make the model stand out: one colour for scans, thin paths."""
     quiet: dict[rr.datatypes.EntityPath | str, Override] = {
         "/model/uncertainty": rrb.EntityBehavior(visible=False),
-        "/trajectory/registered": rr.LineStrips3D.from_fields(
-            colors=[colours.MUTED], radii=rr.Radius.ui_points(1.0)
-        ),
+        "/trajectory/registered": rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points(1.0)),
     }
     for k in range(len(scene.localised)):
-        for path, tint in (("scan", colours.WALL), ("clutter", colours.CLUTTER)):
+        for path, tint in (
+            ("scan", palette.LASER.on_dark),
+            ("clutter", palette.IN_THE_WAY.on_dark),
+        ):
             quiet[f"/registration/after/{path}/{k:02d}"] = rr.Points3D.from_fields(colors=[tint])
     return quiet
 
@@ -128,11 +141,11 @@ def _quiet(scene: DrawnScene) -> dict[rr.datatypes.EntityPath | str, Override]:
 def _image(scene: DrawnScene, what: str) -> rrb.Spatial2DView:
     """Return a view of the snapshot's depth or colour with edge points and model drawn into it."""
     if what == "colour" and not scene.colour_fits:
-        return rrb.Spatial2DView(origin="/camera/colour", name="Colour (of another camera)")
-    shown = [f"/camera/{what}", "/camera/edges/**", "/camera/model/**", "/camera/candidates"]
-    return rrb.Spatial2DView(
-        origin=f"/camera/{what}",
-        name=f"{what.capitalize()} with {'the surfaces found' if scene.failed else 'the model'}",
+        return _flat("/camera/colour", "Colour (of another camera)")
+    shown = [f"/camera/{what}", "/camera/edges/**", "/camera/model/**", "/camera/candidates/**"]
+    return _flat(
+        f"/camera/{what}",
+        f"{what.capitalize()} with {'the surfaces found' if scene.failed else 'the model'}",
         contents=shown,
         overrides={"/camera/edges/image_border": rrb.EntityBehavior(visible=False)},
     )
@@ -149,31 +162,34 @@ def _views(scene: DrawnScene) -> rrb.Container:
         "- /camera/colour",
         "- /camera/edges/**",
         "- /camera/model/**",
-        "- /camera/candidates",
+        "- /camera/candidates/**",
     ]
     flatness = rrb.Grid(
         *[
-            rrb.Spatial2DView(origin=f"/calibration/{surface}_{when}", name=f"{surface} {when}")
+            _flat(f"/calibration/{surface}_{when}", f"{surface} {when}")
             for surface in ("floor", "top")
             for when in ("before", "after")
         ],
-        name="Flatness (red 15 mm too high, blue too low)",
+        name="Flatness",
     )
-    last: list[Contents] = [_text("/calibration/summary", "Calibration"), flatness]
+    last: list[Contents] = [
+        _text("/calibration/summary", "Calibration"),
+        with_legend(flatness, "flatness", height=200),
+    ]
     if scene.has_colour:
         last.insert(0, _image(scene, "colour"))
     return _beside(
         "Views",
         1.5,
         rrb.Vertical(
-            round_table(scene, "Segmented view", shown, steepness=0.8),
+            with_legend(
+                round_table(scene, "Segmented view", shown, steepness=0.8), "views", height=380
+            ),
             _text("/segmentation/summary", "Tables and views"),
             row_shares=[1.6, 1.0],
         ),
-        rrb.Spatial2DView(
-            origin="/segmentation/labels", name="Labels", contents=["/segmentation/labels"]
-        ),
-        _image(scene, "depth"),
+        _flat("/segmentation/labels", "Labels", contents=["/segmentation/labels"]),
+        with_legend(_image(scene, "depth"), "image", height=200),
         rrb.Tabs(*last),
     )
 
@@ -183,7 +199,13 @@ def _odometry(scene: DrawnScene) -> rrb.Container:
     return _beside(
         "Odometry",
         1.5,
-        round_table(scene, "Scan on KISS-ICP's map: timeline 'sensor_time'", shown, steepness=4.0),
+        with_legend(
+            round_table(
+                scene, "Scan on KISS-ICP's map: timeline 'sensor_time'", shown, steepness=4.0
+            ),
+            "odometry",
+            height=620,
+        ),
         _text("/odometry/summary", "Odometry"),
         _plot("/odometry/correction_mm", "Scan against its prior (mm)"),
         _plot("/odometry/threshold_mm", "Threshold (mm)"),
@@ -191,14 +213,18 @@ def _odometry(scene: DrawnScene) -> rrb.Container:
 
 
 def _registration(scene: DrawnScene) -> rrb.Container:
-    stops = "/registration/stops"
+    stops = "/registration/stops/**"
     after = ["/registration/after/**", "/registration/graph_in_map/**", stops]
-    before = ["/registration/before/**", "/registration/localised_stops"]
+    before = ["/registration/before/**", "/registration/localised_stops/**"]
     paths = ["/trajectory/**", stops, "/registration/graph_before"]
     return rrb.Vertical(
         rrb.Horizontal(
             round_table(scene, "As localised", before, steepness=4.0),
-            round_table(scene, "As registered", after, steepness=4.0),
+            with_legend(
+                round_table(scene, "As registered", after, steepness=4.0),
+                "registration",
+                height=350,
+            ),
         ),
         rrb.Horizontal(
             _text("/registration/summary", "Pairs and checks"),
@@ -217,7 +243,9 @@ def _pairs(scene: DrawnScene) -> rrb.Container:
     return _beside(
         "Pairs",
         2.0,
-        of_pairs(scene, "ICP: choose the timeline 'iteration' and scrub"),
+        with_legend(
+            of_pairs(scene, "ICP: choose the timeline 'iteration' and scrub"), "pairs", height=620
+        ),
         _text("/registration/pairs/summary", "Pairs side by side"),
         _plot("/registration/iterations/rmse_mm", "RMSE (mm)"),
         _plot("/registration/iterations/fitness", "Fitness"),
@@ -228,9 +256,9 @@ def _pairs(scene: DrawnScene) -> rrb.Container:
 def _surface(scene: DrawnScene) -> rrb.Container:
     edges = [
         "/outline/edges/**",
-        "/surface/chosen",
+        "/surface/chosen/**",
         "/surface/hull",
-        "/surface/beside",
+        "/surface/beside/**",
         "/model/uncertainty/**",
         "- /outline/edges/image_border/**",
     ]
@@ -239,8 +267,14 @@ def _surface(scene: DrawnScene) -> rrb.Container:
         "Surface",
         1.3,
         rrb.Tabs(
-            of_table(scene, "Edges by kind", edges, steepness=5.0),
-            of_table(scene, "Residuals and candidates", fit, steepness=5.0),
+            with_legend(
+                of_table(scene, "Edges by kind", edges, steepness=5.0), "edges", height=600
+            ),
+            with_legend(
+                of_table(scene, "Residuals and candidates", fit, steepness=5.0),
+                "residuals",
+                height=620,
+            ),
         ),
         rrb.Tabs(
             _text("/surface/summary", "Choice"),
@@ -248,14 +282,22 @@ def _surface(scene: DrawnScene) -> rrb.Container:
             _text("/surface/crosscheck", "Camera against laser"),
         ),
         rrb.Tabs(
-            rrb.Spatial2DView(
-                origin="/surface/unrolled",
-                name="Residuals along the outline",
-                visual_bounds=rrb.VisualBounds2D(x_range=(-65, 425), y_range=(-125, 150)),
+            _flat(
+                "/surface/unrolled",
+                "Residuals along the outline",
+                bounds=rrb.VisualBounds2D(x_range=(-65, 425), y_range=(-125, 150)),
             ),
-            rrb.BarChartView(origin="/surface/residual_histogram_mm", name="Histogram (mm)"),
-            rrb.Spatial2DView(origin="/surface/budget", name="Where the sigma comes from"),
-            rrb.TimeSeriesView(origin="/outline/height_mm", name="Height by view (mm)"),
+            rrb.BarChartView(
+                origin="/surface/residual_histogram_mm",
+                name="Histogram (mm)",
+                background=PLOT,
+            ),
+            _flat("/surface/budget", "Where the sigma comes from"),
+            rrb.TimeSeriesView(
+                origin="/outline/height_mm",
+                name="Height by view (mm)",
+                background=PLOT,
+            ),
         ),
     )
 
@@ -265,7 +307,11 @@ def _legs(scene: DrawnScene) -> rrb.Container:
     return _beside(
         "Legs",
         1.4,
-        of_table(scene, "Legs from the laser's height", shown, steepness=1.2),
+        with_legend(
+            of_table(scene, "Legs from the laser's height", shown, steepness=1.2),
+            "legs",
+            height=600,
+        ),
         _text("/legs/summary", "Legs"),
     )
 
@@ -295,11 +341,11 @@ def _timings() -> rrb.Container:
         _beside(
             "Stages and seconds",
             1.6,
-            rrb.Spatial2DView(
-                origin="/timing",
-                name="Stages",
+            _flat(
+                "/timing",
+                "Stages",
+                bounds=rrb.VisualBounds2D(x_range=(-160, 430), y_range=(-20, 270)),
                 contents=["/timing/bars", "/timing/names"],
-                visual_bounds=rrb.VisualBounds2D(x_range=(-160, 430), y_range=(-20, 270)),
             ),
             _text("/timing/summary", "Seconds"),
         ),

@@ -6,23 +6,25 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from tablemap.review.colours import Colour
+from tablemap.palette import Colour
 
+WHITE: Colour = (255, 255, 255)
+"""Of the parts' names, which are written on them."""
 PARTS: dict[str, Colour] = {
-    "noise": (120, 144, 156),
-    "poses": (100, 160, 230),
-    "drive_scale": (70, 110, 190),
-    "depth": (235, 150, 60),
-    "tilt": (210, 95, 95),
-    "focal": (170, 110, 200),
-    "mount": (95, 175, 120),
-    "rim": (200, 175, 80),
-    "level": (150, 120, 90),
-    "shape": (225, 120, 180),
-    "share": (90, 180, 180),
-    "other": (160, 160, 160),
+    "noise": (84, 104, 114),
+    "poses": (36, 106, 180),
+    "drive_scale": (74, 98, 176),
+    "depth": (156, 88, 16),
+    "tilt": (170, 60, 64),
+    "focal": (126, 72, 160),
+    "mount": (38, 116, 66),
+    "rim": (124, 100, 20),
+    "level": (120, 90, 60),
+    "shape": (164, 58, 120),
+    "share": (28, 112, 114),
+    "other": (104, 104, 104),
 }
-"""The parts in the order of the bar, each with its colour."""
+"""The parts in the order of the bar, each with a colour on which white can be read."""
 
 _NAMED = 0.08  # a smaller share of a bar has no room for its name
 

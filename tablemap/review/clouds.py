@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,6 +26,12 @@ def raised(points: NDArray[np.floating], height: float) -> NDArray[np.float32]:
     """Return (n, 2) points of a plane as (n, 3) at a height."""
     flat = np.asarray(points, dtype=np.float32).reshape(-1, 2)
     return np.column_stack([flat, np.full(len(flat), height, dtype=np.float32)])
+
+
+def middles(strips: Sequence[NDArray[np.floating]]) -> NDArray[np.float32]:
+    """Return the middle (n, 3) of each of n lines, for its name; nan where it has no points."""
+    found = [line.mean(axis=0) if len(line) else np.full(3, np.nan) for line in strips]
+    return np.array(found, dtype=np.float32).reshape(-1, 3)
 
 
 def closed(outline: Floats, height: float) -> NDArray[np.float32]:

@@ -6,6 +6,7 @@ import numpy as np
 import rerun as rr
 import shapely
 
+from tablemap import palette
 from tablemap.geometry import Floats, Pose2
 from tablemap.model import Figure, TableModel
 from tablemap.model.shapes import shape_named
@@ -21,7 +22,7 @@ def log_dimensions(stream: Stream, model: TableModel, outline: Floats, top: floa
     """Log the named lengths, or a polygon's sides, and the height ``top`` above the floor."""
     lines: list[Floats] = []
     labels: list[str] = []
-    tints: list[colours.Colour] = []
+    tints: list[palette.Colour] = []
     for name, ends in _spans(model).items():
         figure = model.surface.dimensions[name]
         lines.append(np.column_stack([ends, [top, top]]))
@@ -40,17 +41,21 @@ def log_dimensions(stream: Stream, model: TableModel, outline: Floats, top: floa
     foot = _lowest_corner(model, outline)
     lines.append(np.array([[*foot, model.floor_z], [*foot, top]]))
     labels.append(f"height {_written(model.surface.height)}")
-    tints.append(colours.INK)
+    tints.append(palette.TEXT.on_dark)
     stream.log(
         "model/dimensions",
         rr.LineStrips3D(
-            lines, labels=labels, colors=tints, radii=rr.Radius.ui_points(2.0), show_labels=True
+            lines, labels=labels, colors=tints, radii=rr.Radius.ui_points(2.0), show_labels=False
         ),
     )
+    middles = [line.mean(axis=0) for line in lines]
+    stream.names("model/dimensions/names", middles, labels)
     if extensions:
         stream.log(
             "model/dimensions/extensions",
-            rr.LineStrips3D(extensions, colors=[colours.MUTED], radii=rr.Radius.ui_points(0.8)),
+            rr.LineStrips3D(
+                extensions, colors=[palette.LEFT_OUT.on_dark], radii=rr.Radius.ui_points(0.8)
+            ),
         )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from tablemap import palette
 from tablemap.review.pairs import FRAME
 from tablemap.review.stream import DrawnScene
 
@@ -24,6 +25,8 @@ MOST_ROUND = 4.0
 BESIDE = 0.2  # metres: the numbers beside the table
 EYE_ASIDE = 0.3  # radians from straight before the table, so that two of its sides are visible
 MOST_ASIDE = 0.9
+
+GRID = (90, 90, 96, 90)
 
 Override = rrb.EntityBehavior | rr.LineStrips3D | rr.Points3D
 
@@ -58,6 +61,7 @@ def of_pairs(scene: DrawnScene, name: str) -> rrb.Spatial3DView:
         name=name,
         origin="/registration/pairs",
         spatial_information=rrb.SpatialInformation(target_frame=FRAME),
+        background=palette.BACKGROUND,
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital,
@@ -137,6 +141,8 @@ def _space(
         origin="/",
         contents=contents,
         overrides=overrides,
+        background=palette.BACKGROUND,
+        line_grid=rrb.LineGrid3D(color=GRID),
         spatial_information=rrb.SpatialInformation(target_frame=frame),
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital, position=eye, look_target=target, eye_up=(0.0, 0.0, 1.0)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
+from tablemap import palette
 from tablemap.geometry import Floats, Pose2
-from tablemap.review import colours, text
+from tablemap.review import text
 from tablemap.review.clouds import raised, thinned
 from tablemap.review.stream import Stream, sensor_times
 from tablemap.stages.odometry import Odometry, OdometryMap, OdometryScan, Trajectory
@@ -35,7 +36,7 @@ class MotionDrawing:
             "odometry/scan",
             rr.Points3D(
                 raised(scan.points, stream.scene.laser_height),
-                colors=[colours.ODOMETRY],
+                colors=[palette.LASER.on_dark],
                 radii=rr.Radius.ui_points(1.5),
             ),
         )
@@ -48,7 +49,7 @@ class MotionDrawing:
             "odometry/local_map",
             rr.Points3D(
                 raised(points, stream.scene.laser_height),
-                colors=[colours.MUTED],
+                colors=[palette.LEFT_OUT.on_dark],
                 radii=rr.Radius.ui_points(1.5),
             ),
         )
@@ -57,13 +58,15 @@ class MotionDrawing:
         """Log the recorded and the estimated trajectories."""
         stream.hold()
         stream.text("odometry/summary", text.odometry(odometry))
-        log_trajectory(stream, "trajectory/localised", odometry.localised, colours.LOCALISED)
-        log_trajectory(stream, "trajectory/odometry", odometry.trajectory, colours.ODOMETRY)
+        log_trajectory(
+            stream, "trajectory/localised", odometry.localised, palette.LOCALISED.on_dark
+        )
+        log_trajectory(stream, "trajectory/odometry", odometry.trajectory, palette.LASER.on_dark)
         if odometry.wheels is not None and len(odometry.wheels.poses):
             start = Pose2.from_array(odometry.localised.poses[0])
             moved = start @ Pose2.from_array(odometry.wheels.poses[0]).inverse()
             in_map = moved.apply(odometry.wheels.poses[:, :2])
-            _log_path(stream, "trajectory/wheels", in_map, colours.WHEELS)
+            _log_path(stream, "trajectory/wheels", in_map, palette.WHEELS.on_dark)
         if self._scans:
             stamps, thresholds, corrections = zip(*self._scans, strict=True)
             times = sensor_times(stamps)
@@ -73,14 +76,14 @@ class MotionDrawing:
 
 
 def log_trajectory(
-    stream: Stream, path: str, trajectory: Trajectory, colour: colours.Colour
+    stream: Stream, path: str, trajectory: Trajectory, colour: palette.Colour
 ) -> None:
     """Log a trajectory in the map as one line, named after its entity."""
     if len(trajectory.poses):
         _log_path(stream, path, trajectory.poses[:, :2], colour)
 
 
-def _log_path(stream: Stream, path: str, places: Floats, colour: colours.Colour) -> None:
+def _log_path(stream: Stream, path: str, places: Floats, colour: palette.Colour) -> None:
     stream.log(
         path,
         rr.LineStrips3D(

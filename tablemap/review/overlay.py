@@ -9,6 +9,7 @@ from tablemap.events import OtherTable
 from tablemap.files import whole_file
 from tablemap.model import TableModel
 from tablemap.review.blueprint import blueprint
+from tablemap.review.legend import log_legends
 from tablemap.review.solid import log_model
 from tablemap.review.stream import Stream
 from tablemap.review.tables import Tables
@@ -23,6 +24,7 @@ def write_overlay(
     """
     with whole_file(file) as part:
         stream = Stream(part, run_id=name, recording_name=name, config=ReviewConfig())
+        log_legends(stream)
         log_model(stream, a)
         Tables().log_outcome(stream, OtherTable(1, b))
         stream.text("compared", f"**solid:** {names[0]}\n\n**muted:** {names[1]}")

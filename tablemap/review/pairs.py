@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import rerun as rr
 
+from tablemap import palette
 from tablemap.geometry import Floats, Pose2
-from tablemap.review import colours, text
+from tablemap.review import text
 from tablemap.review.stream import Stream
 from tablemap.stages.registration import Pair, PairIteration, PairStarted
 
@@ -86,31 +87,20 @@ class Pairs:
         rows = -(-len(keys) // columns)
         pitch = 2 * reach * GAP
         stream.scene.pairs_reach = pitch * max(columns / WIDER, rows) / 2
-        places, labels, tints = [], [], []
+        places, labels = [], []
         for number, key in enumerate(keys):
             row, column = divmod(number, columns)
             cell = np.array([column - (columns - 1) / 2, (rows - 1) / 2 - row]) * pitch
             cell_from_map = Pose2(float(cell[0] - middle[0]), float(cell[1] - middle[1]))
             pair = named.get(key)
             dropped = pair is not None and not pair.used
-            tint = colours.DROPPED if dropped else colours.USED
+            tint = palette.DISTRUSTED.on_dark if dropped else palette.TRUSTED.on_dark
             sequence = self._sequences[key]
             _log_clouds(stream, key, sequence, cell_from_map @ poses[key[1]], cell, reach, tint)
             places.append((cell[0], cell[1] - reach, 0.0))
             rmse = f": rmse {1000 * pair.rmse:.1f} mm" if pair and len(keys) <= FEW_PAIRS else ""
             labels.append(f"{key[0]} to {key[1]}{rmse}")
-            tints.append(tint)
-        stream.log(
-            "registration/pairs/names",
-            rr.Points3D(
-                places,
-                labels=labels,
-                colors=tints,
-                radii=rr.Radius.ui_points(0.0),
-                show_labels=True,
-            ),
-            frame=FRAME,
-        )
+        stream.names("registration/pairs/names", places, labels, frame=FRAME)
 
     def _reach(self, keys: list[Key], poses: Sequence[Pose2], middle: Floats) -> float:
         """Return the radius round the table that holds most of the pairs' points, with limits."""
@@ -131,7 +121,7 @@ def _log_clouds(
     cell_from_target: Pose2,
     cell: Floats,
     reach: float,
-    tint: colours.Colour,
+    tint: palette.Colour,
 ) -> None:
     """Log the target, the source, and the source's motion over the iterations and its end."""
     path = f"registration/pairs/{_name(key)}"
@@ -148,7 +138,7 @@ def _log_clouds(
             f"{path}/{name}",
             rr.Points3D(
                 points[:: max(1, -(-len(points) // MOST_POINTS))].astype(np.float32),
-                colors=[colours.INK if name == "target" else tint],
+                colors=[palette.TEXT.on_dark if name == "target" else tint],
                 radii=rr.Radius.ui_points(1.5),
             ),
             frame=frame,

@@ -7,9 +7,10 @@ import rerun as rr
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from tablemap import palette
 from tablemap.geometry import Floats, transform
 from tablemap.review import colours, text
-from tablemap.review.clouds import closed, thinned
+from tablemap.review.clouds import closed, middles, thinned
 from tablemap.review.stream import Stream
 from tablemap.stages.calibration import Calibration
 from tablemap.stages.segmentation import (
@@ -28,6 +29,7 @@ MOST_IN_SIGHT = 4
 FEW_CANDIDATES = 3  # up to here their labels have room for reasons
 RESIDUAL_RANGE_M = 0.015
 BLOCK_PX = 20
+NOT_SEEN = 70  # grey, darker than all of the scale
 
 
 class Perception:
@@ -112,7 +114,9 @@ class Perception:
             middle = (all_of_them.min(axis=0) + all_of_them.max(axis=0)) / 2
             stream.scene.centre = (float(middle[0]), float(middle[1]))
             stream.scene.extent = float(np.linalg.norm(all_of_them - middle, axis=1).max())
-        _log_hulls(stream, "candidates/others", found.candidates, colours.MUTED, show_labels=True)
+        _log_hulls(
+            stream, "candidates/others", found.candidates, palette.OTHER_SURFACE, show_labels=True
+        )
 
     def _log_candidates(self, stream: Stream, segmentation: Segmentation) -> None:
         stream.hold()
@@ -125,40 +129,41 @@ class Perception:
                     stream.scene.extent = float(max(reach.max(), 0.3))
         chosen = tuple(one for one in segmentation.candidates if one.chosen)
         others = tuple(one for one in segmentation.candidates if not one.chosen)
-        _log_hulls(stream, "candidates/chosen", chosen, colours.USED, show_labels=True)
-        _log_hulls(stream, "candidates/others", others, colours.MUTED, show_labels=False)
+        _log_hulls(stream, "candidates/chosen", chosen, palette.MODEL, show_labels=True)
+        _log_hulls(stream, "candidates/others", others, palette.OTHER_SURFACE, show_labels=False)
 
 
 def _log_hulls(
     stream: Stream,
     name: str,
     candidates: tuple[TableCandidate, ...],
-    tint: colours.Colour,
+    tint: palette.Ink,
     *,
     show_labels: bool,
 ) -> None:
     """Draw the candidates' hulls in place of earlier ones; without candidates draw nothing."""
+    strips = [closed(one.hull, stream.scene.floor_z + one.height) for one in candidates]
+    labels = [
+        f"{one.height:.2f} m high"
+        + (f": {one.reason or 'a table'}" if len(candidates) <= FEW_CANDIDATES else "")
+        for one in candidates
+    ]
     stream.log(
         f"segmentation/{name}",
         rr.LineStrips3D(
-            [closed(one.hull, stream.scene.floor_z + one.height) for one in candidates],
-            colors=[tint],
+            strips,
+            colors=[tint.on_dark],
             radii=rr.Radius.ui_points(2.0),
-            labels=[
-                f"{one.height:.2f} m high"
-                + (f": {one.reason or 'a table'}" if len(candidates) <= FEW_CANDIDATES else "")
-                for one in candidates
-            ],
-            show_labels=show_labels,
+            labels=labels,
+            show_labels=False,
         ),
     )
+    stream.names(f"segmentation/{name}/names", middles(strips), labels, shown=show_labels)
 
 
 def _residual_image(metres: Floats) -> NDArray[np.uint8]:
-    """Colour heights above level: red too high, blue too low, grey not seen."""
-    share = np.clip(np.nan_to_num(metres) / RESIDUAL_RANGE_M, -1.0, 1.0)[..., None]
-    high, low, level = np.array([200, 50, 40]), np.array([40, 90, 200]), np.array([240, 240, 240])
-    colour = level + np.abs(share) * (np.where(share > 0, high, low) - level)
-    colour[~np.isfinite(metres)] = 120
-    block = np.ones((BLOCK_PX, BLOCK_PX, 1))
-    return np.asarray(np.kron(colour, block), dtype=np.uint8)
+    """Colour heights above level, by the scale of signed distances; grey: not seen."""
+    colour = colours.diverging(metres, RESIDUAL_RANGE_M)
+    colour[~np.isfinite(metres)] = NOT_SEEN
+    block = np.ones((BLOCK_PX, BLOCK_PX, 1), dtype=np.uint8)
+    return np.kron(colour, block)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import rerun as rr
 
+from tablemap import palette
 from tablemap.errors import ProcessWarning
 from tablemap.events import RunFailed, StageFinished, StageStarted
-from tablemap.review import colours, story, text
+from tablemap.review import story, text
 from tablemap.review.stream import Stream
 
 BAR_WIDTH = 400.0
@@ -51,19 +52,14 @@ def _log_bars(stream: Stream, stages: list[tuple[str, float]]) -> None:
                 [(0.0, top + BAR_HEIGHT / 2), (width, top + BAR_HEIGHT / 2)]
                 for width, top in zip(widths, tops, strict=True)
             ],
-            colors=[colours.ODOMETRY],
+            colors=[palette.LEFT_OUT.on_dark],
             radii=BAR_HEIGHT / 2,
         ),
     )
-    stream.log_flat(
+    stream.flat_names(
         "timing/names",
-        rr.Points2D(
-            [(-80.0, top + BAR_HEIGHT / 2 - LABEL_DROP) for top in tops],
-            labels=[f"{name} {seconds:.2f} s" for name, seconds in stages],
-            colors=[colours.INK],
-            radii=rr.Radius.ui_points(0.0),
-            show_labels=True,
-        ),
+        [(-80.0, top + BAR_HEIGHT / 2 - LABEL_DROP) for top in tops],
+        [f"{name} {seconds:.2f} s" for name, seconds in stages],
     )
 
 

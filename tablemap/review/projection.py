@@ -8,6 +8,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from tablemap import palette
 from tablemap.geometry import Floats, Pose2, invert, transform
 from tablemap.model import TableLeg, TableModel
 from tablemap.review import colours
@@ -18,7 +19,7 @@ from tablemap.review.stream import Stream
 from tablemap.review.supports import section
 from tablemap.stages.calibration import Calibration
 from tablemap.stages.outline import Outline
-from tablemap.stages.segmentation import Label, TableCandidate
+from tablemap.stages.segmentation import TableCandidate
 from tablemap.stages.snapshots import Snapshot
 
 SPACING = 0.01  # metres between the points of a line, so that the image can cut it anywhere
@@ -104,10 +105,10 @@ class Projection:
                 "camera/candidates",
                 rr.LineStrips2D(
                     strips,
-                    colors=[colours.LABELS[Label.OTHER_TOP][1]],
+                    colors=[palette.OTHER_SURFACE.on_dark],
                     radii=rr.Radius.ui_points(LINE),
                     labels=labels,
-                    show_labels=True,
+                    show_labels=False,
                 ),
                 frame=frame,
             )
@@ -136,7 +137,9 @@ class Projection:
                     rr.LineStrips2D(
                         [strip for strip, _ in strips],
                         colors=[
-                            colours.MUTED if part == "underside" else colours.STATUS[status]
+                            palette.LEFT_OUT.on_dark
+                            if part == "underside"
+                            else colours.STATUS[status]
                             for _, status in strips
                         ],
                         radii=rr.Radius.ui_points(LINE if part != "underside" else LINE / 2),

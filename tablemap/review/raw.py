@@ -15,6 +15,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from tablemap import palette
 from tablemap.config import LimitsConfig, ReviewConfig, TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.inputs import AnyInput, Input
@@ -34,7 +35,7 @@ from tablemap.recording.raw import Source
 from tablemap.recording.sources import open_source
 from tablemap.recording.topics import Topic, decoders_of, list_topics, shows_depth
 from tablemap.recording.window import windowed
-from tablemap.review import colours
+from tablemap.review.eyes import GRID
 from tablemap.review.images import colour_archetype, depth_archetype
 from tablemap.review.sensors import IMAGE_PLANE, scan_points
 from tablemap.review.stream import Stream, sensor_times
@@ -130,7 +131,7 @@ class _RawLog:
             arrow = rr.Arrows3D(
                 vectors=[_forward(message)],
                 origins=[message.translation],
-                colors=[colours.LOCALISED],
+                colors=[palette.LOCALISED.on_dark],
             )
             self._stream.log(entity, arrow, frame=message.frame_id)
         elif isinstance(message, (Image, CompressedImage)):
@@ -175,7 +176,7 @@ class _RawLog:
             parent_frame=message.frame_id,
             child_frame=f"{message.frame_id}/{entity}{IMAGE_PLANE}",
             image_plane_distance=0.25,
-            color=colours.INK,
+            color=palette.TEXT.on_dark,
         )
         self._stream.rec.log(entity, pinhole, static=True)
 
@@ -235,10 +236,13 @@ class _RawLog:
             name="Space",
             origin="/",
             contents=["+ /**", "- /log/**", *(f"- /{entity}/**" for entity in flat)],
+            background=palette.BACKGROUND,
+            line_grid=rrb.LineGrid3D(color=GRID),
             spatial_information=rrb.SpatialInformation(target_frame=self._root()),
         )
         beside: list[rrb.View | rrb.Container] = [
-            rrb.Spatial2DView(name=name, origin=entity) for name, entity in entities.items()
+            rrb.Spatial2DView(name=name, origin=entity, background=palette.BACKGROUND)
+            for name, entity in entities.items()
         ]
         if are_lost:
             beside.append(rrb.TextLogView(name="Not shown", origin="log"))

@@ -18,6 +18,7 @@ from tablemap.review import progress, sensors, story, supports
 from tablemap.review.alignment import Alignment
 from tablemap.review.blueprint import blueprint
 from tablemap.review.crosscheck import log_cross_check
+from tablemap.review.legend import log_legends
 from tablemap.review.motion import MotionDrawing
 from tablemap.review.perception import Perception
 from tablemap.review.projection import Projection
@@ -135,6 +136,7 @@ class Reviewer:
             OfTable: tables.log_result,
             OtherTable: tables.log_outcome,
         }
+        log_legends(self._stream)
         self._stream.hold()
         self._stream.text("summary", story.running(recording_name))
         self._stream.rec.send_blueprint(blueprint(self._stream.scene))

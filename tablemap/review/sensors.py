@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
+from tablemap import palette
 from tablemap.geometry import Floats, Ints, invert, transform
 from tablemap.recording import FrameNames, Recording
 from tablemap.recording.messages import Image, LaserScan
-from tablemap.review import colours, text
+from tablemap.review import text
 from tablemap.review.clouds import raised
 from tablemap.review.images import colour_archetype, colour_size, depth_archetype
 from tablemap.review.stream import Stream, sensor_times
@@ -30,7 +31,7 @@ def log_recording(stream: Stream, recording: Recording) -> None:
         "robot/heading",
         rr.Arrows3D(
             vectors=[[HEADING_LENGTH, 0, 0]],
-            colors=[colours.LOCALISED],
+            colors=[palette.LOCALISED.on_dark],
             labels=["base as localised"],
             show_labels=False,
         ),
@@ -169,7 +170,7 @@ def _log_pinhole(stream: Stream, names: FrameNames, k: Floats, shape: tuple[int,
             parent_frame=names.camera,
             child_frame=names.camera + IMAGE_PLANE,
             image_plane_distance=0.25,
-            color=colours.INK,
+            color=palette.TEXT.on_dark,
         ),
     )
 
@@ -190,7 +191,7 @@ def scan_points(scan: LaserScan) -> rr.Points3D:
     hit = np.isfinite(ranges) & (ranges > scan.range_min) & (ranges < scan.range_max)
     beams = np.column_stack([np.cos(scan.angles), np.sin(scan.angles)])[hit] * ranges[hit, None]
     return rr.Points3D(
-        raised(beams, 0.0), colors=[colours.ODOMETRY], radii=rr.Radius.ui_points(1.5)
+        raised(beams, 0.0), colors=[palette.LASER.on_dark], radii=rr.Radius.ui_points(1.5)
     )
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import rerun as rr
 import shapely
 
+from tablemap import palette
 from tablemap.geometry import Floats
 from tablemap.model import TableLeg, TableModel
 from tablemap.model.shapes import shape_named
@@ -22,7 +23,9 @@ TWO_SIDED_95 = 1.96
 ELLIPSE_95 = 2.448
 
 
-def log_model(stream: Stream, model: TableModel, *, tint: colours.Colour = colours.WOOD) -> None:
+def log_model(
+    stream: Stream, model: TableModel, *, tint: palette.Colour = palette.MODEL.on_dark
+) -> None:
     """Log top and legs as solids, dimension lines with numbers, and magnified 95 % bands."""
     stream.hold()
     place, sides = _magnifications(model)
@@ -62,7 +65,7 @@ def _log_solids(
     outline: Floats,
     *,
     thickness: float,
-    tint: colours.Colour,
+    tint: palette.Colour,
 ) -> None:
     bottom = model.floor_z + model.surface.height.value - thickness
     _log_top(stream, "model/top", outline, bottom=bottom, thickness=thickness, tint=tint)
@@ -77,7 +80,7 @@ def _log_top(
     *,
     bottom: float,
     thickness: float,
-    tint: colours.Colour,
+    tint: palette.Colour,
 ) -> None:
     polygon = shapely.make_valid(shapely.Polygon(outline))
     if polygon.geom_type != "Polygon":
@@ -122,7 +125,7 @@ def _level(places: Floats, z: float) -> Floats:
 
 def _log_leg(stream: Stream, path: str, leg: TableLeg, floor: float, bottom: float) -> None:
     length, middle = bottom - floor, (bottom + floor) / 2
-    tint = colours.STATUS[leg.status] if leg.status != "measured" else (150, 116, 78)
+    tint = colours.STATUS[leg.status] if leg.status != "measured" else palette.MODEL.on_paper
     record = shape_named(leg.shape)
     sizes = record.extents({name: figure.value for name, figure in leg.dimensions.items()})
     along, across = (size / 2 for size in sizes or (LEG_WITHOUT_SIZE, LEG_WITHOUT_SIZE))
@@ -161,7 +164,7 @@ def _log_place(stream: Stream, model: TableModel, top: float, *, magnified: floa
         "model/uncertainty/place",
         rr.LineStrips3D(
             [raised(ellipse, top + 0.004)],
-            colors=[colours.ODOMETRY],
+            colors=[palette.LOCALISED.on_dark],
             radii=rr.Radius.ui_points(1.5),
             labels=[f"place, 95 % ({magnified:.0f} times as large)"],
             show_labels=False,

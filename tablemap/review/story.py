@@ -10,10 +10,8 @@ from tablemap.review.markdown import MOST_ROWS, figure, metres, table
 MOST_SIDES = 12
 LEAST_WEIGHT = 0.005
 COLOURS = (
-    "In the overview: numbered arrows (pyramids where they are many) are the robot's stops, grey "
-    "is its way, blue what the "
-    "laser saw, magenta what stands on the top. Dimension lines are green where measured, "
-    "amber where inferred, red where a side was not seen and the figure is a bound."
+    "In the overview numbered arrows (pyramids where they are many) are the robot's stops. The "
+    "strip below each view explains its colours; where a side was not seen, its figure is a bound."
 )
 
 

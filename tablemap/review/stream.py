@@ -10,11 +10,14 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import rerun as rr
 from numpy.typing import NDArray
 
+from tablemap import palette
 from tablemap.config import ReviewConfig
 from tablemap.errors import TablemapError
 from tablemap.geometry import Floats, Ints, Pose2
@@ -79,6 +82,15 @@ class DrawnScene:
     def snapshot_at(self, stamp_ns: int) -> int:
         """Return the number of the last snapshot taken by then; before the first, the first."""
         return max(bisect.bisect_right(self.stamps_ns, stamp_ns) - 1, 0)
+
+
+def _of_names(texts: Sequence[str], *, shown: bool) -> dict[str, Any]:
+    return {
+        "labels": texts,
+        "colors": [palette.LABEL],
+        "radii": rr.Radius.ui_points(0.0),
+        "show_labels": shown,
+    }
 
 
 def sensor_times(stamps_ns: Sequence[int] | Ints) -> rr.TimeColumn:
@@ -175,6 +187,27 @@ class Stream:
             self.rec.log(entity, rr.CoordinateFrame(named), static=True)
             self._frames[entity] = named
         self.log_flat(path, *what)
+
+    def names(
+        self,
+        path: str,
+        places: npt.ArrayLike,
+        texts: Sequence[str],
+        *,
+        shown: bool = True,
+        frame: str | None = None,
+    ) -> None:
+        """Log texts at places (n, 3): an entity of its own, as all labels have one colour.
+
+        What they name has the same texts as labels that show on hovering.
+        """
+        self.log(
+            path, rr.Points3D(np.asarray(places), **_of_names(texts, shown=shown)), frame=frame
+        )
+
+    def flat_names(self, path: str, places: npt.ArrayLike, texts: Sequence[str]) -> None:
+        """Log texts at places (n, 2) of a plot."""
+        self.log_flat(path, rr.Points2D(np.asarray(places), **_of_names(texts, shown=True)))
 
     def log_flat(self, path: str, *what: rr.AsComponents) -> None:
         """Log something without a place in space: text, plots, images."""

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import rerun as rr
 
+from tablemap import palette
 from tablemap.geometry import Floats, Pose2
 from tablemap.model.shapes import shape_named
 from tablemap.review import colours, text
@@ -27,12 +28,15 @@ def log_legs(stream: Stream, legs: Legs) -> None:
             "legs/evidence",
             rr.Points3D(
                 raised(legs.evidence, height),
-                colors=[colours.MUTED],
+                colors=[palette.LASER.on_dark],
                 radii=rr.Radius.ui_points(1.5),
             ),
         )
     for index, leg in enumerate(legs.legs, start=1):
         _log_leg(stream, index, leg, height)
+    if legs.legs:
+        places = raised(np.array([(leg.x, leg.y) for leg in legs.legs]), height)
+        stream.names("legs/names", places, [_named(k, leg) for k, leg in enumerate(legs.legs, 1)])
     _log_rejected(stream, legs.rejected, height)
 
 
@@ -50,11 +54,16 @@ def _log_leg(stream: Stream, index: int, leg: Leg, height: float) -> None:
         f"legs/{index:02d}/fit",
         rr.LineStrips3D(
             [raised(leg_outline(leg), height)],
-            colors=[colours.STATUS.get(leg.status, colours.INK)],
+            colors=[colours.STATUS[leg.status]],
             radii=rr.Radius.ui_points(2.0),
-            labels=[f"leg {index}: {leg.shape}, {leg.status}"],
+            labels=[_named(index, leg)],
+            show_labels=False,
         ),
     )
+
+
+def _named(index: int, leg: Leg) -> str:
+    return f"leg {index}: {leg.shape}, {leg.status}"
 
 
 def leg_outline(leg: Leg) -> Floats:
@@ -81,16 +90,14 @@ def _log_rejected(stream: Stream, rejected: tuple[RejectedCluster, ...], height:
         stream.log(
             "legs/rejected/points",
             rr.Points3D(
-                np.concatenate(points), colors=[colours.DROPPED], radii=rr.Radius.ui_points(2.0)
+                np.concatenate(points),
+                colors=[palette.LEFT_OUT.on_dark],
+                radii=rr.Radius.ui_points(2.0),
             ),
         )
-    stream.log(
+    stream.names(
         "legs/rejected/reasons",
-        rr.Points3D(
-            [(one.x, one.y, height + 0.05) for one in rejected],
-            labels=[one.reason for one in rejected],
-            colors=[colours.DROPPED],
-            radii=rr.Radius.ui_points(3.0),
-            show_labels=len(rejected) <= 6 and min(len(one.points) for one in rejected) >= 5,
-        ),
+        [(one.x, one.y, height + 0.05) for one in rejected],
+        [one.reason for one in rejected],
+        shown=len(rejected) <= 6 and min(len(one.points) for one in rejected) >= 5,
     )

@@ -8,9 +8,10 @@ from typing import Any
 
 import rerun as rr
 
+from tablemap import palette
 from tablemap.events import OfTable, OtherTable
 from tablemap.geometry import Pose2
-from tablemap.review import colours, story
+from tablemap.review import story
 from tablemap.review.crosscheck import log_cross_check
 from tablemap.review.solid import log_model
 from tablemap.review.stream import DrawnScene, Stream
@@ -50,7 +51,7 @@ class Tables:
         """Log its model as a solid with dimensions and summary, or why there is none."""
         if not isinstance(other.outcome, str):
             with stream.within(entity(other.number), self._scene(stream, other.number)):
-                log_model(stream, other.outcome, tint=colours.MUTED)
+                log_model(stream, other.outcome, tint=palette.LEFT_OUT.on_dark)
             return
         stream.hold()
         page = story.no_other_model(other.number, other.outcome)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
+from tablemap import palette
 from tablemap.geometry import Pose2
 from tablemap.review import colours
-from tablemap.review.clouds import closed, raised
+from tablemap.review.clouds import closed, middles, raised
 from tablemap.review.stream import FEW_STOPS, Stream
 from tablemap.stages.outline import EdgeKind, Outline
 from tablemap.stages.segmentation import Segmentation
@@ -15,6 +16,7 @@ from tablemap.stages.snapshots import Snapshots
 from tablemap.stages.surface import Surface
 
 ARROW = 0.25  # metres
+MOST_NAMED = 8
 FLOOR = 0.02  # metres above it
 
 
@@ -39,26 +41,32 @@ class Telling:
             rr.Arrows3D(
                 origins=raised(places, FLOOR),
                 vectors=raised(ahead, 0.0),
-                colors=[colours.LOCALISED],
+                colors=[palette.LOCALISED.on_dark],
                 radii=rr.Radius.ui_points(2.0),
-                labels=[str(snapshot.index) for snapshot in taken.snapshots],
-                show_labels=len(poses) <= FEW_STOPS,
             ),
         )
+        numbers = [str(snapshot.index) for snapshot in taken.snapshots]
+        shown = len(poses) <= FEW_STOPS
+        stream.names("story/stops/names", raised(places, FLOOR), numbers, shown=shown)
 
     def log_candidates(self, stream: Stream, segmentation: Segmentation) -> None:
         """Draw what could be the table, with heights."""
         found = segmentation.candidates
+        strips = [closed(one.hull, stream.scene.floor_z + one.height) for one in found]
         stream.log(
             "story/candidates",
             rr.LineStrips3D(
-                [closed(one.hull, stream.scene.floor_z + one.height) for one in found],
-                colors=[colours.USED if one.chosen else colours.MUTED for one in found],
+                strips,
+                colors=[
+                    (palette.MODEL if one.chosen else palette.OTHER_SURFACE).on_dark
+                    for one in found
+                ],
                 radii=rr.Radius.ui_points(2.0),
-                labels=[f"{one.height:.2f} m high" for one in found],
-                show_labels=len(found) <= 8,
             ),
         )
+        heights = [f"{one.height:.2f} m high" for one in found]
+        shown = len(found) <= MOST_NAMED
+        stream.names("story/candidates/names", middles(strips), heights, shown=shown)
 
     def log_edges(self, stream: Stream, outline: Outline) -> None:
         """Draw the table's own edge points of all views, in place of the candidates."""
@@ -102,3 +110,5 @@ def _empty(stream: Stream, *names: str) -> None:
             stream.log("story/edges", rr.Points3D([]))
         else:
             stream.log(f"story/{name}", rr.LineStrips3D([]))
+        if name in ("stops", "candidates"):
+            stream.names(f"story/{name}/names", [], [])

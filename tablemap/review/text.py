@@ -21,10 +21,8 @@ from tablemap.stages.snapshots import Snapshots
 from tablemap.stages.surface import Surface
 
 LEGEND = (
-    "Edge points: green the table's, orange where something stood before or on it, violet where "
-    "depth was missing, brown where the depth image bends away. Sides, numbered: green "
-    "measured, amber inferred, red unseen; beside them "
-    "their 95 % bands, in the middle (blue) the place's, magnified as the summary says."
+    "Sides are numbered; beside them lie their 95 % bands, in the middle that of the place, "
+    "magnified as the summary says."
 )
 SAME_PLACE_M = 0.02
 CLUTTER_MM = 30.0
@@ -141,10 +139,9 @@ def odometry(result: Odometry) -> str:
             f"{np.degrees(spread[2]):.2f}°."
             + (f" The wheels bridge {len(result.gaps)} gaps." if len(result.gaps) else ""),
             "",
-            "Blue: the scan and the way by odometry; grey: what KISS-ICP had by then, its local "
-            "map; red: the way as localised; yellow: by the wheels. On the timeline `sensor_time` "
-            "they move, and the plots say how far each scan ended from where the prior had it, "
-            "and the threshold (the kernel's scale) that it was registered with.",
+            "On the timeline `sensor_time` the scan moves, and with it the map that KISS-ICP had "
+            "by then. The plots say how far each scan ended from where the prior had it, and the "
+            "threshold (the kernel's scale) that it was registered with.",
         ]
     )
 
@@ -204,8 +201,8 @@ def registration(result: Registration) -> str:
             f"## Stops registered by {result.source}",
             f"{sum(result.used)} of {len(result.used)} used; systematic sigma "
             f"{1000 * result.systematic:.1f} mm. Pairs: {said or 'none'}. Lines and stops of the "
-            "graph: green where the registered poses agree with the pairs, amber at 10 mm, red "
-            "from 20 mm on; grey: dropped. *Off by* is how far the registered poses lie from what "
+            "graph show how well the registered poses agree with the pairs; grey: dropped. "
+            "*Off by* is how far the registered poses lie from what "
             "the pair measured, *rmse* how far the points of its two clouds lie from each other.",
             "",
             table(("pair", "kind", "off by mm", "fitness", "rmse mm", "inliers", "result"), pairs),
@@ -225,9 +222,9 @@ def aligned(shown: int, pairs: int) -> str:
     """Return the explanation of the view of aligned pairs."""
     return (
         f"{shown} of {pairs} pairs, the dropped and the worst first, each in a cell of its own and "
-        "lying as its target does in the map. Grey: the target; green: the source, red where the "
-        "pair was dropped; beside few names the RMSE. On the timeline `iteration` the sources move "
-        "from where ICP began (0) to where it ended; on the others they are as they ended."
+        "lying as its target does in the map; beside few names stands the RMSE. On the timeline "
+        "`iteration` the sources move from where ICP began (0) to where it ended; on the others "
+        "they are as they ended."
     )
 
 

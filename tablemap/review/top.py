@@ -8,13 +8,13 @@ import numpy as np
 import rerun as rr
 import shapely
 
+from tablemap import palette
 from tablemap.geometry import Floats, Pose2
 from tablemap.review import colours, text
 from tablemap.review.budget import bars
 from tablemap.review.clouds import closed, raised, thinned
 from tablemap.review.stream import Stream
 from tablemap.stages.outline import Outline, ViewEdges
-from tablemap.stages.segmentation import Label
 from tablemap.stages.surface import Figure, Surface, SurfaceEdge
 
 LIFT = 0.003
@@ -23,8 +23,11 @@ PLOT_WIDTH = 400.0
 PLOT_HEIGHT = 100.0
 PLOT_LIMIT_MM = 10.0
 LABEL_DROP = 11.0  # the viewer writes labels this far below their points
+BAR_PITCH = 28  # of the bars of a budget: title, bar, and the names of its parts
 HISTOGRAM_BINS = 41
+TOUCHES = "touches the table"
 ALL_SEEN = 0.995
+MOST_CORNERS = 12
 
 
 class TopDrawing:
@@ -92,34 +95,54 @@ class TopDrawing:
         stream.hold()
         stream.text("surface/summary", text.surface(surface))
         if len(surface.hull) > 2:
-            _log_line(stream, "surface/hull", closed(surface.hull, height), colours.MUTED, "hull")
+            _log_line(
+                stream,
+                "surface/hull",
+                closed(surface.hull, height),
+                palette.LEFT_OUT.on_dark,
+                "hull",
+            )
         if surface.beside is not None:
             stream.log(
                 "surface/beside",
                 rr.LineStrips3D(
                     [closed(surface.beside, height)],
-                    colors=[colours.LABELS[Label.OTHER_TOP][1]],
+                    colors=[palette.OTHER_SURFACE.on_dark],
                     radii=rr.Radius.ui_points(1.5),
-                    labels=["touches the table"],
+                    labels=[TOUCHES],
+                    show_labels=False,
                 ),
+            )
+            stream.names(
+                "surface/beside/names",
+                raised(surface.beside.mean(axis=0), height),
+                [TOUCHES],
             )
         _log_budget(stream, {**surface.dimensions, "height": surface.height})
         for one in surface.candidates:
             name = f"{one.shape}: {one.score:.3f}"
             path = f"surface/candidates/{one.shape}"
-            tint = colours.USED if one.shape == surface.shape else colours.MUTED
+            tint = palette.MODEL if one.shape == surface.shape else palette.LEFT_OUT
             if len(one.outline):
-                _log_line(stream, path, closed(one.outline, height + LIFT), tint, name)
+                _log_line(stream, path, closed(one.outline, height + LIFT), tint.on_dark, name)
         if len(surface.edges):
+            labels = [_label(k, edge) for k, edge in enumerate(surface.edges)]
             stream.log(
                 "surface/chosen",
                 rr.LineStrips3D(
                     [raised(edge.points, height + 2 * LIFT) for edge in surface.edges],
-                    colors=[colours.STATUS.get(edge.status, colours.INK) for edge in surface.edges],
+                    colors=[colours.STATUS[edge.status] for edge in surface.edges],
                     radii=rr.Radius.ui_points(1.2),
-                    labels=[_label(k, edge) for k, edge in enumerate(surface.edges)],
-                    show_labels=len(surface.edges) <= 12,
+                    labels=labels,
+                    show_labels=False,
                 ),
+            )
+            middles = [edge.points.mean(axis=0) for edge in surface.edges]
+            stream.names(
+                "surface/chosen/names",
+                raised(np.array(middles), height + 2 * LIFT),
+                labels,
+                shown=len(labels) <= MOST_CORNERS,
             )
         if len(surface.points):
             stream.log(
@@ -144,7 +167,7 @@ def _label(number: int, edge: SurfaceEdge) -> str:
 
 
 def _log_line(
-    stream: Stream, path: str, line: np.typing.NDArray[np.float32], tint: colours.Colour, name: str
+    stream: Stream, path: str, line: np.typing.NDArray[np.float32], tint: palette.Colour, name: str
 ) -> None:
     stream.log(
         path,
@@ -160,7 +183,9 @@ def _log_histogram(stream: Stream, residuals: Floats) -> None:
     counts, _ = np.histogram(np.clip(millimetres, edges[0], edges[-1]), bins=edges)
     stream.log_flat(
         "surface/residual_histogram_mm",
-        rr.BarChart(counts, color=colours.ODOMETRY, abscissa=(edges[1:] + edges[:-1]) / 2),
+        rr.BarChart(
+            counts, color=palette.TABLE_EDGE.on_dark, abscissa=(edges[1:] + edges[:-1]) / 2
+        ),
     )
 
 
@@ -177,24 +202,18 @@ def _log_unrolled(stream: Stream, surface: Surface) -> None:
         "surface/unrolled/axes",
         rr.LineStrips2D(
             [[(0.0, -scale * mark), (PLOT_WIDTH, -scale * mark)] for mark in marks],
-            colors=[colours.INK if mark == 0 else colours.MUTED for mark in marks],
+            colors=[(palette.LEFT_OUT if mark else palette.TEXT).on_dark for mark in marks],
             radii=rr.Radius.ui_points(0.7),
         ),
     )
-    stream.log_flat(
+    stream.flat_names(
         "surface/unrolled/labels",
-        rr.Points2D(
-            [(-32.0, -scale * mark - LABEL_DROP) for mark in marks]
-            + [(PLOT_WIDTH / 2, PLOT_HEIGHT + 10.0)],
-            labels=[f"{mark:+.0f} mm" for mark in marks]
-            + [f"once round the outline, {ring.length:.2f} m"],
-            colors=[colours.INK],
-            radii=rr.Radius.ui_points(0.0),
-            show_labels=True,
-        ),
+        [(-32.0, -scale * mark - LABEL_DROP) for mark in marks]
+        + [(PLOT_WIDTH / 2, PLOT_HEIGHT + 10.0)],
+        [f"{mark:+.0f} mm" for mark in marks] + [f"once round the outline, {ring.length:.2f} m"],
     )
     corners = shapely.line_locate_point(ring, shapely.points(surface.outline)) / ring.length
-    if len(corners) <= 12:
+    if len(corners) <= MOST_CORNERS:
         stream.log_flat(
             "surface/unrolled/corners",
             rr.LineStrips2D(
@@ -202,7 +221,7 @@ def _log_unrolled(stream: Stream, surface: Surface) -> None:
                     [(PLOT_WIDTH * share, -PLOT_HEIGHT), (PLOT_WIDTH * share, PLOT_HEIGHT)]
                     for share in corners
                 ],
-                colors=[colours.MUTED],
+                colors=[palette.LEFT_OUT.on_dark],
                 radii=rr.Radius.ui_points(0.7),
             ),
         )
@@ -225,22 +244,17 @@ def _log_budget(stream: Stream, figures: Mapping[str, Figure]) -> None:
     stream.log_flat(
         "surface/budget/parts",
         rr.Boxes2D(
-            mins=[(100 * one.start, 24 * row + 10) for row, one in parts],
-            sizes=[(100 * (one.end - one.start), 10) for _, one in parts],
+            mins=[(100 * one.start, BAR_PITCH * row + 10) for row, one in parts],
+            sizes=[(100 * (one.end - one.start), 6) for _, one in parts],
             colors=[one.colour for _, one in parts],
             labels=[one.label or one.part for _, one in parts],
             show_labels=False,
         ),
     )
     named = [(row, one) for row, one in parts if one.label]
-    stream.log_flat(
+    stream.flat_names(
         "surface/budget/names",
-        rr.Points2D(
-            [(50 * (one.start + one.end), 24 * row + 15) for row, one in named]
-            + [(50, 24 * row + 4) for row in range(len(drawn))],
-            labels=[one.label for _, one in named] + [bar.title for bar in drawn],
-            radii=rr.Radius.ui_points(0.5),
-            colors=[colours.MUTED],
-            show_labels=True,
-        ),
+        [(50 * (one.start + one.end), BAR_PITCH * row + 16) for row, one in named]
+        + [(50, BAR_PITCH * row + 1) for row in range(len(drawn))],
+        [one.label for _, one in named] + [bar.title for bar in drawn],
     )

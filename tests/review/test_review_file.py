@@ -237,6 +237,7 @@ def test_levels_bound_the_size(run: list[object], review: Path, tmp_path: Path) 
         "summary",
         "model",
         "tables",
+        "legend",
     }
     assert found["/model/top"] > 0
     assert found["/summary"] > 0

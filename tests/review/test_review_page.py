@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 
 import pytest
 
+from tablemap import palette
 from tablemap.events import RunFailed
 from tablemap.model import TableModel
 from tablemap.review.page.page import Page
@@ -127,7 +128,7 @@ def test_views_from_one_place_share_a_number(model: TableModel) -> None:
     assert labels[:2] == ["0-2", "3"]
     assert len(labels) == 1 + len(others)
     (wider,) = [one for one in svg.findall("circle") if one.attrib["r"] == "12"]
-    assert wider.attrib["fill"] == "#2f5fa8"
+    assert wider.attrib["fill"] == palette.REGISTERED.css
 
 
 def test_sides_are_drawn_by_status(model: TableModel) -> None:

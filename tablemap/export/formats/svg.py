@@ -9,6 +9,7 @@ import math
 from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element
 
+from tablemap import palette
 from tablemap.export.registry import Format
 from tablemap.export.text import ANGLE_DECIMALS, child, number, xml_bytes
 from tablemap.model.shapes import is_angle
@@ -48,17 +49,26 @@ def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
         f"Origin in {solid.model.frame}: x {number(pose.x)} m, y {number(pose.y)} m, "
         f"yaw {number(pose.yaw, ANGLE_DECIMALS)} rad.",
     )
-    child(root, "path", id="top", d=_path(rings["top"]), fill="#e8d8c0", stroke="none")
+    child(root, "path", id="top", d=_path(rings["top"]), fill=palette.MODEL.tint, stroke="none")
     for part in solid.legs:
         child(
-            root, "path", id=part.name, d=_path(rings[part.name]), fill="#8a6a48", stroke="none"
+            root,
+            "path",
+            id=part.name,
+            d=_path(rings[part.name]),
+            fill=palette.MODEL.css,
+            stroke="none",
         ).set("fill-opacity", "0.6")
     for edge in solid.model.surface.edges:
         points = solid.map_from_table.inverse().apply(np.array(edge.points, dtype=np.float64))
-        side = child(root, "polyline", points=_points(_drawn(points)), fill="none", stroke="#222")
+        side = child(
+            root, "polyline", points=_points(_drawn(points)), fill="none", stroke=palette.TEXT.css
+        )
         side.set("stroke-width", "3")
         side.set("stroke-dasharray", DASHES[edge.status])
-    cross = child(root, "path", id="origin", d="M -20 0 L 20 0 M 0 -20 L 0 20", stroke="#c00")
+    cross = child(
+        root, "path", id="origin", d="M -20 0 L 20 0 M 0 -20 L 0 20", stroke=palette.LOCALISED.css
+    )
     cross.set("stroke-width", "2")
     for number_, line in enumerate(lines, start=1):
         text = child(root, "text", line, x=number(left + MARGIN, 3))

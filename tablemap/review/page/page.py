@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from tablemap import palette
 from tablemap.archive.manifest import Manifest
 from tablemap.events import OtherTable, RunFailed
 from tablemap.model import TableModel
@@ -16,21 +17,26 @@ from tablemap.review.page.plots import histogram, unrolled, variance_bars
 from tablemap.stages.surface import Surface
 from tablemap.words import escape
 
-STYLE = """
-body { font: 15px/1.45 system-ui, sans-serif; color: #1c1c20; margin: 2em auto; max-width: 60em;
-  padding: 0 1em; }
+STYLE = (
+    """
+:root { color-scheme: light; }
+body { font: 15px/1.45 system-ui, sans-serif; margin: 2em auto; max-width: 60em; padding: 0 1em;
+  background: white; }
 h1 { font-size: 1.6em; margin: 0 0 .2em; } h2 { font-size: 1.15em; margin: 1.6em 0 .4em; }
 table { border-collapse: collapse; font-size: .93em; }
 td, th { text-align: left; vertical-align: top; padding: .18em 1.2em .18em 0;
   border-bottom: 1px solid #ddd; overflow-wrap: anywhere; }
 td:first-child { white-space: nowrap; } th { font-weight: 600; }
 svg { max-width: 100%; height: auto; }
-.good { color: #1b7a36; } .doubtful { color: #a86400; } .failed { color: #b3261e; }
-.measured { color: #1b7a36; } .inferred { color: #a86400; } .unseen { color: #b3261e; }
-.muted { color: #666; }
 section, tr { break-inside: avoid; } h2 { break-after: avoid; }
 @media print { body { margin: 0; max-width: none; font-size: 11px; } }
 """
+    + f"body {{ color: {palette.TEXT.css}; }}\n.muted {{ color: {palette.LEFT_OUT.css}; }}\n"
+    + "".join(
+        f".{name} {{ color: {ink.css}; }}\n"
+        for name, ink in {**palette.VERDICT, **palette.STATUS}.items()
+    )
+)
 MOST_ROWS = 200
 
 

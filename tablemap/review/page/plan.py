@@ -7,17 +7,15 @@ from collections.abc import Callable
 
 import numpy as np
 
+from tablemap import palette
 from tablemap.geometry import Floats, Pose2
 from tablemap.model import Figure, TableLeg, TableModel
 from tablemap.model.shapes import shape_named
 from tablemap.review.text import from_one_place, numbered
 from tablemap.words import escape
 
-STATUS = {
-    "measured": ("#1b7a36", "none"),
-    "inferred": ("#a86400", "9 5"),
-    "unseen": ("#b3261e", "2 5"),
-}
+DASHES = {"measured": "none", "inferred": "9 5", "unseen": "2 5"}
+STATUS = {name: (ink.css, DASHES[name]) for name, ink in palette.STATUS.items()}
 WIDTH = 760.0  # pixels
 MARGIN = 0.30  # metres round what is drawn
 MOST_AWAY = 3.0  # times the table's reach: stops farther away are left out of the drawing
@@ -25,7 +23,7 @@ LEG_WITHOUT_SIZE = 0.04
 MOST_LABELLED_SIDES = 12
 HEADING = 0.22  # metres
 LABEL = 13.0  # pixels
-NUMBER = "#777777"
+NUMBER = palette.LEFT_OUT.css
 
 Pixels = Callable[[Floats], Floats]
 
@@ -51,7 +49,7 @@ def plan(model: TableModel) -> str:
     def pixels(points: Floats) -> Floats:
         return np.asarray((points - [low[0], high[1]]) * [scale, -scale])
 
-    parts = [f'<polygon points="{_points(pixels(outline))}" fill="#f0e4d2"/>']
+    parts = [f'<polygon points="{_points(pixels(outline))}" fill="{palette.MODEL.tint}"/>']
     for k, leg in enumerate(model.legs, start=1):
         parts.append(_leg(leg, k, pose, pixels, scale))
     sides = []
@@ -95,7 +93,7 @@ def _points(points: Floats) -> str:
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
 
 
-def _text(place: Floats, text: str, colour: str = "#1c1c20") -> str:
+def _text(place: Floats, text: str, colour: str = palette.TEXT.css) -> str:
     return (
         f'<text x="{place[0]:.1f}" y="{place[1]:.1f}" text-anchor="middle" '
         f'dominant-baseline="middle" fill="{colour}" stroke="white" stroke-width="4" '
@@ -159,7 +157,7 @@ def _leg(leg: TableLeg, number: int, pose: Pose2, pixels: Pixels, scale: float) 
     half = np.array(sizes or (LEG_WITHOUT_SIZE, LEG_WITHOUT_SIZE)) / 2
     colour, dash = STATUS[leg.status]
     style = (
-        f'fill="#8a6a48" fill-opacity="0.5" stroke="{colour}" stroke-width="1.5" '
+        f'fill="{palette.MODEL.css}" fill-opacity="0.5" stroke="{colour}" stroke-width="1.5" '
         f'stroke-dasharray="{dash}"'
     )
     centre = pixels(local.translation)
@@ -178,7 +176,7 @@ def _leg(leg: TableLeg, number: int, pose: Pose2, pixels: Pixels, scale: float) 
 
 
 def _stop(label: str, stop: Pose2, pixels: Pixels, *, used: bool) -> str:
-    colour = "#2f5fa8" if used else "#aaaaaa"
+    colour = (palette.REGISTERED if used else palette.LEFT_OUT).css
     radius = max(9, 3 + 3 * len(label))
     centre, ahead = pixels(stop.apply(np.array([[0.0, 0.0], [HEADING, 0.0]])))
     return (
@@ -194,7 +192,8 @@ def _axes(pose: Pose2, scale: float, height: float, frame: str) -> str:
     """Draw a scale bar, and the axes of the frame that the poses are in."""
     bar = next((b for b in (1.0, 0.5, 0.2, 0.1) if b * scale < WIDTH / 4), 0.1)
     parts = [
-        f'<path d="M12 {height - 14:.1f} h{bar * scale:.1f}" stroke="#1c1c20" stroke-width="3"/>'
+        f'<path d="M12 {height - 14:.1f} h{bar * scale:.1f}" stroke="{palette.TEXT.css}" '
+        'stroke-width="3"/>'
         f'<text x="{20 + bar * scale:.1f}" y="{height - 10:.1f}">{bar:g} m</text>'
     ]
     origin = np.array([45.0, 45.0])
@@ -202,8 +201,11 @@ def _axes(pose: Pose2, scale: float, height: float, frame: str) -> str:
         tip = origin + 30 * pose.inverse().rotate(np.array(way)) * [1.0, -1.0]
         parts.append(
             f'<path d="M{origin[0]:.1f} {origin[1]:.1f} L{tip[0]:.1f} {tip[1]:.1f}" '
-            'stroke="#666" stroke-width="2"/>'
+            f'stroke="{palette.LEFT_OUT.css}" stroke-width="2"/>'
         )
-        parts.append(_text(origin + 1.35 * (tip - origin), name, "#666"))
-    parts.append(f'<text x="12" y="{origin[1] + 55:.1f}" fill="#666">{escape(frame)}</text>')
+        parts.append(_text(origin + 1.35 * (tip - origin), name, palette.LEFT_OUT.css))
+    parts.append(
+        f'<text x="12" y="{origin[1] + 55:.1f}" fill="{palette.LEFT_OUT.css}">'
+        f"{escape(frame)}</text>"
+    )
     return "".join(parts)

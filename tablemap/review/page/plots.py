@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import shapely
 
+from tablemap import palette
 from tablemap.geometry import Floats
 from tablemap.review.budget import Budgeted, bars
 from tablemap.stages.surface import Surface
@@ -47,8 +48,8 @@ def unrolled(surface: Surface) -> str:
         HEIGHT + 20,
         marks
         + f'<path d="{corners}" stroke="#bbb"/>'
-        + f'<path d="{dots}" stroke="#2f5fa8" stroke-width="2.4" stroke-linecap="round" '
-        'stroke-opacity="0.45"/>'
+        + f'<path d="{dots}" stroke="{palette.TABLE_EDGE.css}" stroke-width="2.4" '
+        'stroke-linecap="round" stroke-opacity="0.45"/>'
         + f'<text x="{(LEFT + WIDTH) / 2:.0f}" y="{HEIGHT + 14:.0f}" text-anchor="middle">'
         f"once round the outline, {ring.length:.2f} m, corners as lines; what is farther off than "
         f"{LIMIT_MM:.0f} mm is drawn at the border</text>",
@@ -79,7 +80,7 @@ def histogram(residuals: Floats) -> str:
         _svg(
             "Residuals by size",
             HEIGHT / 2 + 24,
-            f'<g fill="#2f5fa8" stroke="none">{bars}</g>{labels}',
+            f'<g fill="{palette.TABLE_EDGE.css}" stroke="none">{bars}</g>{labels}',
         )
         + f"<p>{len(finite)} edge points: half are within {half:.1f} mm, 95 % within {most:.1f} mm."
         "</p>"
@@ -108,7 +109,7 @@ def variance_bars(figures: Mapping[str, Budgeted]) -> str:
             if one.label:
                 content += (
                     f'<text x="{x + length / 2:.1f}" y="{top + 14:.1f}" '
-                    f'text-anchor="middle">{one.label}</text>'
+                    f'text-anchor="middle" fill="white">{one.label}</text>'
                 )
     return _svg("Where each figure's variance comes from", 12 + tall * len(drawn), content)
 
@@ -122,5 +123,5 @@ def _svg(title: str, height: float, content: str) -> str:
     return (
         f'<svg viewBox="0 0 {WIDTH + RIGHT:.0f} {height:.0f}" width="{WIDTH + RIGHT:.0f}" '
         f'height="{height:.0f}" font-family="sans-serif" font-size="12" role="img" fill="none">'
-        f'<title>{title}</title><g fill="#1c1c20">{content}</g></svg>'
+        f'<title>{title}</title><g fill="{palette.TEXT.css}">{content}</g></svg>'
     )
