@@ -16,7 +16,7 @@ import zstandard
 
 from tablemap.archive.folder import RunFolder, load_run
 from tablemap.archive.manifest import LEAVE_A_MODEL
-from tablemap.archive.verification import INPUT, check_files, find_input
+from tablemap.archive.verification import INPUT, check_files, confirmed_input
 from tablemap.errors import TablemapError
 from tablemap.files import whole_file
 from tablemap.inputs import files_in
@@ -61,13 +61,7 @@ def pack(run: AnyPath, target: AnyPath | None = None, *, with_input: bool = Fals
     }
     files = {name: file for name, file in files.items() if not name.startswith(f"{INPUT}/")}
     if with_input:
-        found = find_input(run)
-        if found.is_remote:
-            raise TablemapError(
-                f"expected a recording on this machine to pack with the run, found {found}; "
-                "pack the run without it"
-            )
-        for place in found.paths:
+        for place in confirmed_input(run).paths:
             if place.is_dir():
                 files |= {f"{INPUT}/{place.name}/{each.name}": each for each in files_in(place)}
             else:

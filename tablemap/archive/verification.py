@@ -72,3 +72,23 @@ def find_input(run: RunFolder) -> Input:
             f"the recording is not the run's: its SHA-256 is not the manifest's: {found}"
         )
     return found
+
+
+def confirmed_input(run: RunFolder) -> Input:
+    """Return the recording of a run that is surely the one that was read, by its SHA-256.
+
+    A run from elsewhere may name any file of this machine. Raises `RecordingError` where
+    `find_input` does, if the recording is not on this machine, or if the manifest has no SHA-256.
+    """
+    found = recorded_input(run)
+    if found.is_remote:
+        raise RecordingError(
+            f"expected a recording on this machine to pack with the run, found {found}; pack the "
+            "run without it"
+        )
+    if run.manifest.recording.sha256 is None:
+        raise RecordingError(
+            "the run's manifest has no SHA-256 of its recording, so nothing confirms that this "
+            f"file is it; pack the run without it: {found}"
+        )
+    return find_input(run)

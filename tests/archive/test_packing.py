@@ -127,6 +127,25 @@ def test_the_recording_goes_along_on_demand(
     assert find_input(repacked).path.read_bytes() == content
 
 
+@pytest.mark.parametrize("size", [None, 7, 6])
+def test_a_file_that_no_hash_confirms_is_not_packed(
+    run: RunFolder, tmp_path: Path, size: int | None
+) -> None:
+    """A run from elsewhere may name any file of this machine."""
+    secret = tmp_path / "secret.txt"
+    secret.write_text("secret\n")
+    entry = run.manifest.recording.model_copy(
+        update={"path": str(secret), "size": size, "sha256": None}
+    )
+    run.update(recording=entry)
+    with pytest.raises(RecordingError, match=r"no SHA-256.*secret\.txt"):
+        pack(run.path, tmp_path / "a.tar.zst", with_input=True)
+    run.update(recording=entry.model_copy(update={"sha256": "0" * 64}))
+    with pytest.raises(RecordingError, match=r"not the run's.*secret\.txt"):
+        pack(run.path, tmp_path / "a.tar.zst", with_input=True)
+    assert not (tmp_path / "a.tar.zst").exists()
+
+
 def test_a_run_is_never_overwritten(run: RunFolder, tmp_path: Path) -> None:
     """By itself neither."""
     file = pack(run, tmp_path / "a.tar.zst", with_input=False)
