@@ -1,11 +1,88 @@
-"""Writing of files: each is complete or does not exist, even if the program is killed."""
+"""Files as they should be: those that are written are whole, those that are read are files.
+
+A file that is written is complete or does not exist, even if the program is killed. What is read as
+a text must be a regular file of a sane size, for the others never end: pipes and devices.
+"""
 
 from __future__ import annotations
 
+import errno
 import os
+import stat
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from io import BufferedReader
 from pathlib import Path
+
+MOST_TEXT_BYTES = 8 * 2**20
+"""Manifests, models and settings are kilobytes."""
+
+_KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFSOCK: "a socket",
+}
+
+
+@contextmanager
+def opened_regular(file: Path) -> Iterator[BufferedReader]:
+    """Open a file for reading. Raises `OSError` where it is a pipe, a device or a folder."""
+    check_regular(file)
+    with file.open("rb") as stream:
+        yield stream
+
+
+def check_regular(file: Path) -> None:
+    """Raise `OSError` where there is no file, or a pipe, a device or a folder."""
+    kind = stat.S_IFMT(file.stat().st_mode)
+    if kind != stat.S_IFREG:
+        what = _KINDS.get(kind, "something else")
+        raise OSError(errno.EINVAL, f"it is {what}, no regular file", str(file))
+
+
+def read_text(file: Path, *, most_bytes: int = MOST_TEXT_BYTES) -> str:
+    """Return the text of a regular file in UTF-8.
+
+    Raises `OSError` if it cannot be read, is no regular file or has more than ``most_bytes``, and
+    `UnicodeDecodeError` if it is no text.
+    """
+    return read_bytes(file, most_bytes=most_bytes).decode("utf-8")
+
+
+def read_bytes(file: Path, *, most_bytes: int) -> bytes:
+    """Return the bytes of a regular file. Raises `OSError` as `read_text` does."""
+    with opened_regular(file) as stream:
+        data = stream.read(most_bytes + 1)
+    if len(data) > most_bytes:
+        words = f"it is larger than {most_bytes / 2**20:.0f} MiB"
+        raise OSError(errno.EFBIG, words, str(file))
+    return data
+
+
+def is_file(file: Path) -> bool:
+    """Tell whether there is a regular file; false also where the path can be none."""
+    try:
+        return file.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def is_link(path: Path) -> bool:
+    """Tell whether there is a symbolic link; false also where the path can be none."""
+    try:
+        return path.is_symlink()
+    except (OSError, ValueError):
+        return False
+
+
+def is_folder(path: Path) -> bool:
+    """Tell whether there is a folder; false also where the path can be none."""
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
 
 
 @contextmanager

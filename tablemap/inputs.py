@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePath
 
 from tablemap.errors import RecordingError
+from tablemap.files import opened_regular
 from tablemap.paths import AnyPath, as_path
 from tablemap.remote import is_remote, place_at
 
@@ -171,7 +172,7 @@ def is_recording(file: Path) -> bool:
 def sha256(path: AnyPath) -> str:
     """Return a file's SHA-256, read in pieces. Raises `RecordingError` where it cannot be read."""
     try:
-        with as_path(path).open("rb") as file:
+        with opened_regular(as_path(path)) as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         reason = error.strerror or error

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import os
+import stat
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -46,6 +47,7 @@ class _Status:
     """What `RemotePath.stat` tells."""
 
     st_size: int
+    st_mode: int = stat.S_IFREG
 
 
 @dataclass(frozen=True, order=True)

@@ -23,6 +23,11 @@ def shown(text: object) -> str:
     return "".join(c if unicodedata.category(c) not in _NOT_TEXT else _escape(c) for c in words)
 
 
+def shortened(text: str, *, most: int = 200) -> str:
+    """Return a text as it is, or the begin of a long one."""
+    return text if len(text) <= most else f"{text[:most]}..."
+
+
 def shown_path(path: str) -> str:
     """Return a path as it is where it is text, else with its other bytes as escapes."""
     try:

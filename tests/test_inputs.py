@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -20,7 +21,7 @@ from tablemap.recording import open_recording
 from tablemap.runs import Job, done_already, expand
 from tablemap.runs.running import run
 from tests.making import messages as w
-from tests.making.command import tablemap
+from tests.making.command import tablemap, tablemap_here
 from tests.making.drives import check_drive, copy_to_bag, copy_to_bag2, seconds
 
 
@@ -81,6 +82,41 @@ def test_run_of_several_files_is_known_checked_and_packed(
     back = unpack(packed, tmp_path / "back")
     assert find_input(back).files()[0].read_bytes() == content
     assert done_already(given, Job(tmp_path / "runs", Config())) is None  # it left no model
+
+
+@pytest.mark.parametrize("what", ["a pipe", "a device"])
+def test_what_never_ends_is_refused_by_name(tmp_path: Path, what: str) -> None:
+    """As a recording, alone or in a bag's folder, as settings, as a list, and as a packed run."""
+    file = tmp_path / "lap.mcap"
+    os.mkfifo(file) if what == "a pipe" else file.symlink_to("/dev/zero")
+    for arguments in (
+        ("info", file),
+        ("convert", file, "-o", tmp_path / "out.mcap"),
+        ("process", file, "-o", tmp_path / "runs"),
+        ("process", "--together", file, file, "-o", tmp_path / "runs"),
+        ("process", f"@{file}", "-o", tmp_path / "runs"),
+        ("process", __file__, "--config", file, "-o", tmp_path / "runs"),
+        ("config", "--config", file),
+        ("simulate", tmp_path / "lap.toml", "-o", tmp_path / "out.mcap"),
+        ("runs", "unpack", file),
+    ):
+        if arguments[0] == "simulate":
+            file.rename(tmp_path / "lap.toml")
+        done = tablemap_here(*arguments, cwd=tmp_path)
+        assert done.returncode in (1, 2), arguments
+        said = " ".join(done.stderr.split())
+        assert "regular file" in said, (arguments, said)
+        assert "lap." in said, (arguments, said)
+        if arguments[0] == "simulate":
+            (tmp_path / "lap.toml").rename(file)
+    for name in ("lap.mcap", "metadata.yaml"):
+        folder = tmp_path / name[:3]
+        folder.mkdir()
+        file.rename(folder / name)
+        done = tablemap_here("info", folder)
+        assert done.returncode == 1, done.stdout
+        assert "none inside" in done.stderr
+        (folder / name).rename(file)
 
 
 def test_files_together_are_one_recording(halves: list[Path]) -> None:

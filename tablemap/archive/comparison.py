@@ -15,6 +15,8 @@ from tablemap.paths import AnyPath
 
 SAME_LEG = 0.25
 """Legs farther apart than this are different legs, metres."""
+STEP, MOST_STEPS = 0.01, 10_000
+"""Metres between the points of an outline that are compared, and most of them."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +168,7 @@ def _outlines(a: TableModel, b: TableModel) -> tuple[float | None, float | None]
     if min(top.area for top in tops) <= 0:
         return None, None
     union = tops[0].union(tops[1]).area
-    edges = [top.boundary.segmentize(0.01) for top in tops]
+    edges = [top.boundary.segmentize(max(STEP, top.length / MOST_STEPS)) for top in tops]
     return float(tops[0].intersection(tops[1]).area / union), float(
         shapely.hausdorff_distance(*edges)
     )

@@ -20,7 +20,7 @@ from tablemap.archive.manifest import LEAVE_A_MODEL, Manifest, RecordingEntry, S
 from tablemap.config import Config, load_config
 from tablemap.errors import TablemapError
 from tablemap.events import OtherTable
-from tablemap.files import write_whole
+from tablemap.files import is_file, is_folder, is_link, read_text, write_whole
 from tablemap.inputs import AnyInput, Input, sha256
 from tablemap.model import TableModel
 from tablemap.paths import AnyPath, as_path
@@ -285,24 +285,28 @@ def load_run(run: AnyPath) -> RunFolder:
     if isinstance(run, RunFolder):
         return run
     path = as_path(run)
-    folder = path if path.is_dir() else path.parent
-    latest = folder / "latest"
-    if not (folder / "manifest.json").is_file() and latest.is_symlink():
-        folder = latest.resolve()
-        if not folder.is_dir():
+    folder = path if is_folder(path) else path.parent
+    latest = folder / LATEST
+    if not is_file(folder / MANIFEST) and is_link(latest):
+        if not is_folder(latest):
             raise TablemapError(
                 f"the run that it names is gone; give another of its runs: {latest}"
             )
+        folder = latest.resolve()
+    file = folder / MANIFEST
     try:
-        text = (folder / "manifest.json").read_text(encoding="utf-8")
-        manifest = Manifest.model_validate_json(text)
-    except OSError as error:
+        manifest = Manifest.model_validate_json(read_text(file))
+    except (FileNotFoundError, NotADirectoryError) as error:
         raise TablemapError(
             f"expected a run folder with a manifest.json, found none; give the path that "
             f"`tablemap process` printed: {path}"
         ) from error
+    except OSError as error:
+        raise TablemapError(
+            f"the run's manifest cannot be read ({error.strerror}): {file}"
+        ) from error
     except ValueError as error:
-        raise TablemapError(f"the run's manifest is damaged: {folder / 'manifest.json'}") from error
+        raise TablemapError(f"the run's manifest is damaged: {file}") from error
     return RunFolder(folder.resolve(), manifest)
 
 
@@ -321,7 +325,7 @@ def load_model(model: TableModel | AnyPath) -> TableModel:
 def names_model(path: AnyPath) -> bool:
     """Tell whether a path is a file with a table model, and not a run."""
     file = as_path(path)
-    return file.suffix == ".json" and file.name != "manifest.json" and file.is_file()
+    return file.suffix == ".json" and file.name != MANIFEST and not is_folder(file)
 
 
 def trajectory_tum(trajectory: Trajectory) -> str:

@@ -16,15 +16,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tablemap.errors import TablemapError
-from tablemap.files import write_whole
+from tablemap.files import is_file, read_bytes, write_whole
 from tablemap.model.shapes import shape_named
 from tablemap.paths import AnyPath, as_path
+from tablemap.words import shortened
 
 if TYPE_CHECKING:
     from tablemap.model import TableModel
 
 INDEX = ".index.json"
 SCHEMA = "tablemap/index/2"
+MOST_ROW_BYTES = 32 * 1024
+"""No index is read that has more for each run that is there."""
 
 Stamp = tuple[int, int, int, int]
 """Time of change (ns) and size of manifest.json, then of table.json; zeros for a missing file."""
@@ -64,10 +67,11 @@ def list_runs(folder: AnyPath = "runs", *, index: AnyPath | None = None) -> list
     """
     folder = as_path(folder)
     file = folder / INDEX if index is None else as_path(index)
-    held = _load(file)
+    there = list(_runs(folder))
+    held = _load(file, most_bytes=MOST_ROW_BYTES * (len(there) + 1))
     rows: dict[str, tuple[Stamp, RunRow]] = {}
     changed = False
-    for path, stamp in _runs(folder):
+    for path, stamp in there:
         known = held.get(path)
         if known is not None and known[0] == stamp:
             rows[path] = known
@@ -94,7 +98,8 @@ def _as_it_is(folder: Path, row: RunRow) -> RunRow:
 def read_row(folder: Path, path: str) -> RunRow:
     """Read one run; the row's status says if it cannot be read."""
     # Most listings find all rows in the index, and read no run.
-    from tablemap.archive.folder import load_run
+    from tablemap.archive.folder import MODEL, load_run
+    from tablemap.archive.manifest import LEAVE_A_MODEL
     from tablemap.model import TableModel
 
     recording, run = path.split("/")
@@ -103,22 +108,23 @@ def read_row(folder: Path, path: str) -> RunRow:
     except TablemapError as error:
         return RunRow(path, recording, run, "", "damaged", None, str(error), None, None, {})
     model, trouble = None, manifest.error
-    if manifest.status != "running" and (folder / path / "table.json").is_file():
+    leaves_one = manifest.status in LEAVE_A_MODEL
+    if leaves_one or (manifest.status != "running" and is_file(folder / path / MODEL)):
         try:
             model = TableModel.load(folder / path)
         except TablemapError as error:
             trouble = str(error)
     figures = figures_of(model) if model else {}
     if manifest.timings:
-        figures["seconds"] = round(sum(manifest.timings.values()), 3)
+        figures["seconds"] = round(min(sum(manifest.timings.values()), 1e9), 3)
     return RunRow(
         path=path,
         recording=recording,
         run=run,
-        started=manifest.started,
+        started=shortened(manifest.started),
         status=manifest.status,
-        method=manifest.method,
-        error=trouble,
+        method=shortened(manifest.method),
+        error=None if trouble is None else shortened(trouble, most=1000),
         shape=model.surface.shape if model else None,
         verdict=model.verdict.level if model else None,
         figures=figures,
@@ -128,7 +134,9 @@ def read_row(folder: Path, path: str) -> RunRow:
 def figures_of(model: TableModel) -> dict[str, float]:
     """Return a model's figures by name, and their known sigmas as ``<name>_sigma``."""
     surface, pose = model.surface, model.surface.pose
-    figures = dict(surface.dimensions) | {"height": surface.height}
+    named = shape_named(surface.shape).dimensions
+    known = {name: size for name, size in surface.dimensions.items() if name in named}
+    figures = known | {"height": surface.height}
     optional = {"thickness": surface.thickness, "corner_radius": surface.corner_radius}
     figures |= {name: figure for name, figure in optional.items() if figure is not None}
     numbers: dict[str, float] = {}
@@ -150,23 +158,38 @@ def figures_of(model: TableModel) -> dict[str, float]:
 def _runs(folder: Path) -> Iterator[tuple[str, Stamp]]:
     """Find every run's folder: two levels down, neither hidden nor a link such as ``latest``."""
     try:
-        for recording in os.scandir(folder):
-            if recording.name.startswith(".") or not recording.is_dir():
-                continue
-            for run in os.scandir(recording.path):
-                if run.name.startswith(".") or run.is_symlink() or not run.is_dir():
-                    continue
-                stamp = (
-                    *_changed(f"{run.path}/manifest.json"),
-                    *_changed(f"{run.path}/table.json"),
-                )
-                if stamp[0]:
-                    yield f"{recording.name}/{run.name}", stamp
+        recordings = list(os.scandir(folder))
     except OSError as error:
         raise TablemapError(
             f"expected a folder of runs ({error.strerror}); give the one that "
             f"`tablemap process --output` wrote to: {folder}"
         ) from error
+    for recording in recordings:
+        if recording.name.startswith(".") or not _is_folder(recording):
+            continue
+        try:
+            runs = list(os.scandir(recording.path))
+        except FileNotFoundError:  # it went meanwhile
+            continue
+        except OSError:  # a row says that it cannot be read
+            yield f"{recording.name}/", (0, 0, 0, 0)
+            continue
+        for run in runs:
+            if run.name.startswith(".") or run.is_symlink() or not _is_folder(run):
+                continue
+            stamp = (
+                *_changed(f"{run.path}/manifest.json"),
+                *_changed(f"{run.path}/table.json"),
+            )
+            if stamp[0]:
+                yield f"{recording.name}/{run.name}", stamp
+
+
+def _is_folder(entry: os.DirEntry[str]) -> bool:
+    try:
+        return entry.is_dir()
+    except OSError:  # a link that leads to itself
+        return False
 
 
 def _changed(file: str) -> tuple[int, int]:
@@ -177,10 +200,10 @@ def _changed(file: str) -> tuple[int, int]:
     return found.st_mtime_ns, found.st_size
 
 
-def _load(file: Path) -> dict[str, tuple[Stamp, RunRow]]:
+def _load(file: Path, *, most_bytes: int) -> dict[str, tuple[Stamp, RunRow]]:
     """Read the index; an index with unexpected content counts as empty."""
     try:
-        document: Any = json.loads(file.read_bytes())
+        document: Any = json.loads(read_bytes(file, most_bytes=most_bytes))
         if document["schema"] != SCHEMA:
             return {}
         held: dict[str, tuple[Stamp, RunRow]] = {}
@@ -189,12 +212,30 @@ def _load(file: Path) -> dict[str, tuple[Stamp, RunRow]]:
             recording, run = path.split("/")
             figures = dict(zip(names[known], values, strict=True))
             row = RunRow._make((path, recording, run, *words, figures))
-            if row.shape is not None:
-                shape_named(row.shape)
+            _check(row)
             held[path] = (a, b, c, d), row
-    except (OSError, ValueError, LookupError, TypeError, TablemapError):
+    except (
+        OSError,
+        ValueError,
+        LookupError,
+        TypeError,
+        AttributeError,
+        RecursionError,
+        TablemapError,
+    ):
         return {}
     return held
+
+
+def _check(row: RunRow) -> None:
+    """Raise an error for a row out of an index that no run can have."""
+    started, status, method, error, shape, verdict = row[3:-1]
+    words = [word for word in (method, error, shape, verdict) if word is not None]
+    "".join((started, status, *words, *row.figures)).encode()  # neither half a letter
+    if shape is not None:
+        shape_named(shape)
+    if not all(map(math.isfinite, row.figures.values())):
+        raise ValueError("a figure that is no number")
 
 
 def _save(file: Path, rows: dict[str, tuple[Stamp, RunRow]]) -> None:

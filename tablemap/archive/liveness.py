@@ -27,7 +27,7 @@ LONGEST_SECONDS = 24 * 3600.0
 class Writer(BaseModel):
     """The process that writes a run."""
 
-    pid: int = Field(description="its number")
+    pid: int = Field(gt=0, lt=2**31, description="its number")
     host: str = Field(description="name of the machine")
     boot: str | None = Field(
         default=None, description="which start of the machine; null where it does not say"

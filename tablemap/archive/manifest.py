@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
 from tablemap.archive.liveness import Writer
 from tablemap.inputs import Input
@@ -107,7 +107,9 @@ class Manifest(BaseModel):
         default=None,
         description="date and time in UTC, ISO 8601; null while it runs",
     )
-    timings: dict[str, float] = Field(default={}, description="seconds of wall time, by stage")
+    timings: dict[str, FiniteFloat] = Field(
+        default={}, description="seconds of wall time, by stage"
+    )
     writer: Writer | None = Field(
         default=None, description="the process that writes the run; null in older manifests"
     )

@@ -18,10 +18,10 @@ from tablemap.archive.folder import RunFolder, load_run
 from tablemap.archive.manifest import LEAVE_A_MODEL
 from tablemap.archive.verification import INPUT, check_files, confirmed_input
 from tablemap.errors import TablemapError
-from tablemap.files import whole_file
+from tablemap.files import opened_regular, whole_file
 from tablemap.inputs import files_in
 from tablemap.paths import AnyPath, as_path
-from tablemap.words import shown
+from tablemap.words import shortened, shown
 
 SUFFIX = ".tar.zst"
 MANIFEST = "manifest.json"
@@ -153,7 +153,10 @@ def _add(tar: tarfile.TarFile, file: Path, name: str) -> None:
 
 @contextmanager
 def _opened(file: Path) -> Iterator[BinaryIO]:
-    with file.open("rb") as packed, zstandard.ZstdDecompressor().stream_reader(packed) as stream:
+    with (
+        opened_regular(file) as packed,
+        zstandard.ZstdDecompressor().stream_reader(packed) as stream,
+    ):
         yield stream
 
 
@@ -201,8 +204,7 @@ def _check_member(member: tarfile.TarInfo, file: Path) -> None:
 
 
 def _short(name: str) -> str:
-    name = shown(name)
-    return repr(name if len(name) <= 100 else f"{name[:100]}...")
+    return repr(shortened(shown(name)))
 
 
 def _extract(tar: tarfile.TarFile, member: tarfile.TarInfo, room: Path, file: Path) -> None:

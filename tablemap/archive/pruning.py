@@ -14,6 +14,7 @@ from tablemap.archive.index import RunRow
 from tablemap.archive.manifest import LEAVE_A_MODEL
 from tablemap.archive.selection import started
 from tablemap.errors import ConfigError, TablemapError
+from tablemap.files import is_folder, is_link
 from tablemap.paths import AnyPath, as_path
 
 HIDDEN = ".pruned-"
@@ -67,7 +68,11 @@ def to_prune(
 def named_latest(folder: AnyPath) -> set[str]:
     """Return the runs that ``latest`` names, a recording each: paths relative to ``folder``."""
     links = as_path(folder).glob(f"*/{LATEST}")
-    return {f"{link.parent.name}/{link.resolve().name}" for link in links if link.is_symlink()}
+    return {
+        f"{link.parent.name}/{link.resolve().name}"
+        for link in links
+        if is_link(link) and is_folder(link)
+    }
 
 
 def prune(folder: AnyPath, rows: Sequence[RunRow]) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 from tablemap.config.tree import Config
 from tablemap.errors import ConfigError
+from tablemap.files import read_text
 from tablemap.paths import AnyPath, as_path
 
 RENAMED = {
@@ -160,7 +161,7 @@ def load_config(file: AnyPath | None = None, *, overrides: Sequence[str] = ()) -
     tree: dict[str, Any] = {}
     if file is not None:
         try:
-            tree = tomllib.loads(as_path(file).read_text(encoding="utf-8"))
+            tree = tomllib.loads(read_text(as_path(file)))
         except OSError as error:
             raise ConfigError(f"the config cannot be read ({error.strerror}): {file}") from error
         except (ValueError, RecursionError) as error:

@@ -21,7 +21,7 @@ from tablemap.evaluation.aggregate import RunScore, summarise
 from tablemap.evaluation.metrics import score
 from tablemap.evaluation.truth import Truth
 from tablemap.events import StageFinished
-from tablemap.files import write_whole
+from tablemap.files import read_text, write_whole
 from tablemap.paths import AnyPath
 from tablemap.version import __version__
 
@@ -229,9 +229,9 @@ def _save(file: Path, key: str, run: RunScore) -> None:
 
 def _load(file: Path, key: str) -> RunScore | None:
     try:
-        document = json.loads(file.read_text(encoding="utf-8"))
+        document = json.loads(read_text(file))
         return _RUN_SCORE.validate_python(document["run"]) if document["key"] == key else None
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
 
 

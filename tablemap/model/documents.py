@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
-from typing import Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from tablemap.errors import TablemapError
+from tablemap.files import read_text
 from tablemap.paths import AnyPath, as_path
+from tablemap.words import shortened
 
 Document = TypeVar("Document", bound=BaseModel)
 
@@ -17,7 +19,7 @@ def read_document(path: AnyPath, kind: type[Document], *, schema: str, noun: str
     """Read a file and parse its text with `parse_document`; errors end with the path."""
     file = as_path(path)
     try:
-        text = file.read_text(encoding="utf-8")
+        text = read_text(file)
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or error
         raise TablemapError(f"no {noun} can be read ({reason}): {file}") from error
@@ -48,14 +50,14 @@ def parse_document(text: str, kind: type[Document], *, schema: str, noun: str) -
     or has another schema.
     """
     try:
-        document = json.loads(text)
+        document: Any = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise TablemapError(f"expected a {noun} in JSON, found other text ({error}).") from error
     found = document.get("schema") if isinstance(document, dict) else None
     if found != schema:
         raise TablemapError(
-            f"expected a {noun} of schema {schema!r}, found {found!r}; use the version that "
-            "wrote it."
+            f"expected a {noun} of schema {schema!r}, found {shortened(repr(found))}; use the "
+            "version that wrote it."
         )
     try:
         return kind.model_validate(document)
@@ -66,5 +68,5 @@ def parse_document(text: str, kind: type[Document], *, schema: str, noun: str) -
 def damage(error: ValidationError, noun: str) -> TablemapError:
     """Return the error for the first fault in a document."""
     first = error.errors()[0]
-    where = ".".join(str(part) for part in first["loc"])
-    return TablemapError(f"the {noun} is damaged at {where}: {first['msg']}.")
+    where = shortened(".".join(str(part) for part in first["loc"]))
+    return TablemapError(f"the {noun} is damaged at {where}: {shortened(first['msg'])}.")

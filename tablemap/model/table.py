@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 SCHEMA = "tablemap/table/1"
 NOUN = "table model"
+MOST_POINTS, MOST_LEGS = 10_000, 1000
+"""No table has more; files of others may claim more."""
 
 Status = Literal["measured", "inferred", "unseen"]
 Level = Literal["good", "doubtful", "failed"]
@@ -111,6 +113,7 @@ class Edge(Part):
     """One side of the outline and how much of it was seen."""
 
     points: tuple[Point, ...] = Field(
+        max_length=MOST_POINTS,
         description="[x, y] each, metres in `frame`, counter-clockwise along the side, both "
         "ends included",
     )
@@ -146,10 +149,13 @@ class TableSurface(Part):
         description="metres of rounded corners; null where they are sharp",
     )
     outline: tuple[Point, ...] = Field(
+        max_length=MOST_POINTS,
         description="[x, y] each, metres in `frame`, counter-clockwise, the first point not "
         "repeated; a curve as a fine polygon",
     )
-    edges: tuple[Edge, ...] = Field(description="the sides of the outline, in its order")
+    edges: tuple[Edge, ...] = Field(
+        max_length=MOST_POINTS, description="the sides of the outline, in its order"
+    )
     score: Number = Field(
         description="posterior weight of the shape among all that were weighed, 0 to 1",
     )
@@ -158,6 +164,7 @@ class TableSurface(Part):
     )
     beside: tuple[Point, ...] | None = Field(
         default=None,
+        max_length=MOST_POINTS,
         description="outline of another surface that touches the top at its height: [x, y] each, "
         "metres in `frame`; null without one",
     )
@@ -291,7 +298,9 @@ class TableModel(Part):
         description="metres; the floor's height in `frame`, from which all other heights count",
     )
     surface: TableSurface = Field(description="the top")
-    legs: tuple[TableLeg, ...] = Field(description="every leg that was found, or put by symmetry")
+    legs: tuple[TableLeg, ...] = Field(
+        max_length=MOST_LEGS, description="every leg that was found, or put by symmetry"
+    )
     snapshots: tuple[SnapshotPose, ...] = Field(
         description="where the base stood, in the order of time, and which views were used",
     )

@@ -23,6 +23,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tablemap.errors import RecordingError
+from tablemap.files import read_text
 from tablemap.recording.messages import TransformStamped
 
 _KEYS = {"parent", "child", "xyz", "rpy", "quaternion"}
@@ -31,13 +32,20 @@ _KEYS = {"parent", "child", "xyz", "rpy", "quaternion"}
 def read_extrinsics(file: Path) -> tuple[TransformStamped, ...]:
     """Return the static transforms of a file. Raises `RecordingError` if it has another format."""
     try:
-        text = file.read_text(encoding="utf-8")
+        text = read_text(file)
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or error
         raise RecordingError(f"The extrinsics cannot be read ({reason}): {file}") from error
     try:
         found = tuple(_of_urdf(text) if text.lstrip().startswith("<") else _of_toml(text))
-    except (ValueError, KeyError, TypeError, ElementTree.ParseError) as error:
+    except (
+        ValueError,
+        KeyError,
+        TypeError,
+        AttributeError,
+        RecursionError,
+        ElementTree.ParseError,
+    ) as error:
         raise RecordingError(
             "Expected extrinsics as [[transform]] tables in TOML (parent, child, xyz, and rpy or "
             f"quaternion) or as a URDF, and found something else ({error}): {file}"

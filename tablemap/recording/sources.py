@@ -8,6 +8,7 @@ from tempfile import TemporaryDirectory
 
 from tablemap.config import LimitsConfig
 from tablemap.errors import ProcessWarning, RecordingError
+from tablemap.files import opened_regular
 from tablemap.inputs import AnyInput, Input
 from tablemap.recording.bags.bag import Bag
 from tablemap.recording.bags.folder import files_of
@@ -16,7 +17,6 @@ from tablemap.recording.mcap.index import MAGIC
 from tablemap.recording.packing import ZSTD_MAGIC, unpack_file
 from tablemap.recording.raw import Source
 from tablemap.recording.several import Several
-from tablemap.remote import RemoteError
 
 _BAG = b"#ROSBAG V"
 _DATABASE = b"SQLite format 3\0"
@@ -42,9 +42,9 @@ def open_source(
                 opened.enter_context(closing(_open_place(path, warnings, limits)))
                 for path in Input.of(given).paths
             ]
-        except RemoteError as error:
+        except OSError as error:
             raise RecordingError(
-                f"The recording cannot be read ({error.strerror}): {given}"
+                f"The recording cannot be read ({error.strerror or error}): {given}"
             ) from error
         opened.pop_all()
     return sources[0] if len(sources) == 1 else Several(sources)
@@ -107,7 +107,7 @@ def _container(path: Path, warnings: list[ProcessWarning], limits: LimitsConfig)
 
 def _first_bytes(path: Path) -> bytes:
     try:
-        with path.open("rb") as file:
+        with opened_regular(path) as file:
             return file.read(64)
     except FileNotFoundError:
         raise RecordingError(f"There is no such file: {path}") from None

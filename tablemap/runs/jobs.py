@@ -13,6 +13,7 @@ from tablemap.archive.manifest import LEAVE_A_MODEL, versions
 from tablemap.config import Config, dump_config
 from tablemap.errors import ConfigError, TablemapError
 from tablemap.events import StageStarted
+from tablemap.files import is_file, read_text
 from tablemap.inputs import AnyInput, Input
 from tablemap.paths import AnyPath, as_path
 from tablemap.remote import is_remote
@@ -57,7 +58,7 @@ def expand(arguments: Sequence[AnyPath], *, together: bool = False) -> list[Inpu
             names.append(argument)
             continue
         try:
-            lines = Path(argument[1:]).read_text(encoding="utf-8").splitlines()
+            lines = read_text(Path(argument[1:])).splitlines()
         except (OSError, UnicodeDecodeError) as error:
             reason = getattr(error, "strerror", None) or error
             raise ConfigError(
@@ -88,7 +89,7 @@ def done_already(recording: AnyInput, job: Job) -> RunFolder | None:
             manifest.status not in LEAVE_A_MODEL
             or _comparable(manifest.versions) != _comparable(versions())
             or manifest.recording.size != recording.size()
-            or not (held.path / "table.json").is_file()
+            or not is_file(held.path / "table.json")
             or not _has_text(held.path / "config.toml", dump_config(job.config))
         ):
             continue
@@ -147,7 +148,7 @@ def _glob(pattern: str) -> list[str]:
 
 def _has_text(file: Path, text: str) -> bool:
     try:
-        return file.read_text(encoding="utf-8") == text
+        return read_text(file) == text
     except (OSError, UnicodeDecodeError):
         return False
 

@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from tablemap.errors import ConfigError
+from tablemap.files import read_text
 from tablemap.model.shapes import SQUARE, NameOf, ShapeName
 
 SCENARIOS = Path(__file__).parent / "scenarios"
@@ -349,11 +350,11 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
                 f"{', '.join(scenario_names())}. A file's name must end in .toml."
             )
     try:
-        settings = tomllib.loads(path.read_text(encoding="utf-8"))
+        settings = tomllib.loads(read_text(path))
         return Scenario.model_validate({"name": path.stem, **settings})
     except OSError as error:
         raise ConfigError(f"The scenario cannot be read ({error.strerror}): {path}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise ConfigError(f"The scenario is no valid TOML ({error}): {path}") from error
     except ValidationError as error:
         first = error.errors()[0]

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 import yaml
 
 from tablemap.errors import ProcessWarning, RecordingError
+from tablemap.files import is_file, read_text
 from tablemap.inputs import METADATA, is_recording
+from tablemap.words import shortened
+
+_MOST_BYTES = 2 * 2**20  # of metadata.yaml
+_MOST_DEPTH = 32  # collections within each other in it
+_MOST_FILES = 10_000
 
 
 def files_of(folder: Path, *, warnings: list[ProcessWarning]) -> list[Path]:
@@ -29,21 +36,21 @@ def files_of(folder: Path, *, warnings: list[ProcessWarning]) -> list[Path]:
             f"The folder has {len(inside)} recordings and no {METADATA} to say what belongs "
             f"together; name one of them, or all of one drive with --together: {folder}"
         )
-    files = [folder / PurePosixPath(name).name for name in listed]
-    missing = [file.name for file in files if not file.is_file()]
+    files = [folder / name for name in listed]
+    missing = [file.name for file in files if not is_file(file)]
     if missing:
         warnings.append(
             ProcessWarning(
                 "recording.truncated",
                 "recording",
                 f"The bag's {METADATA} names files that are not in the folder, so that what they "
-                f"hold was not read: {', '.join(missing)}.",
+                f"hold was not read: {shortened(', '.join(missing))}.",
             )
         )
     # A killed recorder leaves files that it has not listed.
     stem = files[0].name.rpartition("_")[0] if files else ""
     files += [each for each in inside if each not in files and _continues(each, stem)]
-    found = [file for file in files if file.is_file()]
+    found = [file for file in files if is_file(file)]
     if not found:
         raise RecordingError(f"None of the files that the bag's {METADATA} names is in {folder}")
     return found
@@ -61,10 +68,15 @@ def _listed(folder: Path, warnings: list[ProcessWarning]) -> list[str] | None:
     if not file.is_file():
         return None
     try:
-        tree = yaml.safe_load(file.read_text(encoding="utf-8"))
+        text = read_text(file, most_bytes=_MOST_BYTES)
+        _check_depth(text)
+        # Texts alone: neither numbers nor merged mappings, which multiply.
+        tree: Any = yaml.load(text, Loader=yaml.CBaseLoader)
         names = tree["rosbag2_bagfile_information"]["relative_file_paths"]
-        return [str(name) for name in names]
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError):
+        if not isinstance(names, list) or len(names) > _MOST_FILES:
+            raise TypeError("no list of files")
+        return [PurePosixPath(name).name for name in names]
+    except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError):
         warnings.append(
             ProcessWarning(
                 "recording.damaged",
@@ -73,3 +85,15 @@ def _listed(folder: Path, warnings: list[ProcessWarning]) -> list[str] | None:
             )
         )
         return None
+
+
+def _check_depth(text: str) -> None:
+    """Raise `ValueError` for collections within each other as rosbag2 never writes them."""
+    depth = 0
+    for event in yaml.parse(text, Loader=yaml.CBaseLoader):
+        if isinstance(event, yaml.CollectionStartEvent):
+            depth += 1
+        elif isinstance(event, yaml.CollectionEndEvent):
+            depth -= 1
+        if depth > _MOST_DEPTH:
+            raise ValueError("too deep")
