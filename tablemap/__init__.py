@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from tablemap.export import export_model, export_run
     from tablemap.model import TableModel
     from tablemap.pipeline import process
-    from tablemap.recording import Recording, inspect, open_recording
+    from tablemap.readiness import inspect
+    from tablemap.recording import Recording, open_recording
     from tablemap.runs.running import Outcome, reprocess, run
     from tablemap.runs.verification import verify
 
@@ -35,7 +36,7 @@ _HOMES = {
     "compare": "tablemap.archive.comparison",
     "export_model": "tablemap.export",
     "export_run": "tablemap.export",
-    "inspect": "tablemap.recording",
+    "inspect": "tablemap.readiness",
     "list_runs": "tablemap.archive.index",
     "load_config": "tablemap.config",
     "load_run": "tablemap.archive",

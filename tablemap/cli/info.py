@@ -31,10 +31,10 @@ def info(
 ) -> None:
     """Show a RECORDING's topics, roles and frames, and what is missing for processing."""
     from tablemap.config import load_config
-    from tablemap.recording import inspect
+    from tablemap.readiness import inspect
 
     config = load_config(overrides=[*(settings or ()), *window(start, end)])
-    found = inspect(recording, topics=config.topics, limits=config.limits)
+    found = inspect(recording, config=config)
     if as_json:
         say(json.dumps(found.to_dict(), indent=1))
     else:
@@ -66,6 +66,11 @@ def _info_lines(found: RecordingInfo) -> Iterator[str]:
         yield f"  fixed: {roles.fixed}, odometry: {roles.odom or 'none'}, base: {roles.base}"
         yield f"  camera: {roles.camera}, laser: {roles.laser or 'none'}"
     yield ""
+    if found.fitness:
+        yield "for processing"
+        for each in found.fitness:
+            yield f"  {each.state:<8} {each.role:<13} {each.says}"
+        yield ""
     yield from (f"warning: {warning.code}: {warning.message}" for warning in found.warnings)
     yield from (f"missing: {missing}" for missing in found.missing)
     if not found.missing:

@@ -66,6 +66,7 @@ class Channels:
         self._stamped: dict[str, Stamped] = {}
         self._others: dict[str, list[str]] = {}
         self.calibrations: list[CameraInfo] = []
+        self._lags_ns: dict[str, list[int]] = {}
         self._survey()
 
     def of(self, topic: Topic | None) -> Stamped:
@@ -81,6 +82,16 @@ class Channels:
                 "the first is used.",
             )
         return self._stamped[topic.name]
+
+    def lag(self, topic: Topic) -> float | None:
+        """Return the median seconds from a message's stamp to its log time; None if not known."""
+        stamped = self._stamped.get(topic.name)
+        lags = (
+            self._lags_ns.get(topic.name)
+            if stamped is None
+            else stamped.log_times_ns - stamped.stamps_ns
+        )
+        return None if lags is None or not len(lags) else float(np.median(lags)) / 1e9
 
     def in_order(
         self, topic: Topic, due: Stamped
@@ -154,6 +165,9 @@ class Channels:
                         self.collector.add(
                             transform, publisher=raw.channel_id, namespace=topic.namespace
                         )
+                    if message and not message[0].is_static:
+                        lag_ns = raw.log_time_ns - message[0].stamp_ns
+                        self._lags_ns.setdefault(topic.name, []).append(lag_ns)
                     continue
                 if decoder.kind == CALIBRATION:
                     self._take_calibration(decoder, raw, calibrated)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -66,10 +66,20 @@ class FrameInfo:
 
 
 @dataclass(frozen=True)
+class RoleFitness:
+    """How fit for processing is what a recording has for one role, and why."""
+
+    role: str
+    state: Literal["fine", "weak", "missing"]
+    says: str
+
+
+@dataclass(frozen=True)
 class RecordingInfo:
     """The result of `inspect`. Times are log times; ``missing`` is empty if processing can start.
 
-    ``frames_sampled`` says that the transforms of a long recording were read only at some places.
+    ``frames_sampled`` says that the transforms of a long recording were read only at some places;
+    ``fitness`` is empty until somebody has judged it.
     """
 
     path: str
@@ -85,6 +95,7 @@ class RecordingInfo:
     frame_roles: FrameNames | None
     missing: tuple[str, ...]
     warnings: tuple[ProcessWarning, ...]
+    fitness: tuple[RoleFitness, ...] = ()
 
     @property
     def duration_s(self) -> float:

@@ -129,6 +129,15 @@ class Recording(RobotPoses):
         """Return the depth camera's first recorded calibration."""
         return self._calibrations.infos[0]
 
+    def lags(self) -> dict[str, float]:
+        """Return by topic the median time from a message's stamp to its recording, seconds.
+
+        All topics of a computer whose clock is off have another lag.
+        """
+        roles = (self.roles.depth, self.roles.laser, *self.roles.transforms)
+        lags = {topic.name: self._channels.lag(topic) for topic in roles if topic is not None}
+        return {name: lag for name, lag in lags.items() if lag is not None}
+
     # Images and scans.
 
     def depth_frames(self, stamps_ns: ArrayLike | None = None) -> Iterator[DepthFrame]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from tablemap.stages.snapshots.directions import turned_left
 from tablemap.stages.snapshots.noise import axial_noise, depth_sigma
-from tablemap.stages.snapshots.result import Camera, SetAside, Snapshot, Snapshots
-from tablemap.stages.snapshots.stage import take_snapshots
+from tablemap.stages.snapshots.result import Camera, SetAside, Snapshot, Snapshots, Viewpoint
+from tablemap.stages.snapshots.stage import find_viewpoints, take_snapshots
 from tablemap.stages.snapshots.stops import is_same_place
 
 __all__ = [
@@ -13,8 +13,10 @@ __all__ = [
     "SetAside",
     "Snapshot",
     "Snapshots",
+    "Viewpoint",
     "axial_noise",
     "depth_sigma",
+    "find_viewpoints",
     "is_same_place",
     "take_snapshots",
     "turned_left",

@@ -36,23 +36,9 @@ def take_snapshots(
 ) -> Snapshots:
     """Find the viewpoints by the poses, then decode and combine only their images.
 
-    Each stop gives one snapshot, or one for each direction in which the camera rested there. If the
-    base never stands still, keyframes are chosen by distance and angle. Raises `RecordingError`
-    without depth images, and `EstimationError` if none of them has a pose.
+    Raises the errors of `find_viewpoints`, and `EstimationError` if no image can be decoded.
     """
-    stamps = np.unique(recording.depth_stamps())
-    if len(stamps) == 0:
-        raise RecordingError(
-            "Expected depth images, found none; record the depth topic or name it with "
-            f"--set topics.depth=TOPIC: {recording.input}"
-        )
-    located, aside = _with_pose(recording, stamps)
-    kind, stops = _plan(recording, located, config, sensors)
-    viewpoints: list[Viewpoint] = []
-    for stop in stops:
-        parts, unused = by_direction(recording, stop, config)
-        viewpoints += parts
-        aside += unused
+    kind, viewpoints, aside = find_viewpoints(recording, config=config, sensors=sensors)
     kept = _limit(recording, viewpoints, kind, config)
     skipped = [viewpoints[i] for i in np.setdiff1d(np.arange(len(viewpoints)), kept)]
     for viewpoint in skipped:
@@ -73,6 +59,31 @@ def take_snapshots(
         )
     aside = sorted([*aside, *dropped], key=lambda entry: entry.stamp_ns)
     return Snapshots(tuple(snapshots), tuple(aside), kind)
+
+
+def find_viewpoints(
+    recording: Recording, *, config: SnapshotsConfig, sensors: SensorsConfig
+) -> tuple[SnapshotsKind, list[Viewpoint], list[SetAside]]:
+    """Find by the poses where images were taken; return also the images outside of that.
+
+    Each stop gives one viewpoint, or one for each direction in which the camera rested there. If
+    the base never stands still, every image is one. Raises `RecordingError` without depth images,
+    and `EstimationError` if none of them has a pose.
+    """
+    stamps = np.unique(recording.depth_stamps())
+    if len(stamps) == 0:
+        raise RecordingError(
+            "Expected depth images, found none; record the depth topic or name it with "
+            f"--set topics.depth=TOPIC: {recording.input}"
+        )
+    located, aside = _with_pose(recording, stamps)
+    kind, stops = _plan(recording, located, config, sensors)
+    viewpoints: list[Viewpoint] = []
+    for stop in stops:
+        parts, unused = by_direction(recording, stop, config)
+        viewpoints += parts
+        aside += unused
+    return kind, viewpoints, aside
 
 
 def _with_pose(recording: Recording, stamps: Ints) -> tuple[Ints, list[SetAside]]:

@@ -49,6 +49,7 @@ class Drive(Recording):
         self.input = Input.of("drive.mcap")
         self.warnings = []
         self.names = FrameNames("map", "odom" if wheels else None, "base_link", "camera", None)
+        self.localisation = None
         self.knots = np.array(knots)
         self.images = np.round(images * SECOND).astype(np.int64)
         self.pose_rate, self.wheels, self.jumps = pose_rate, wheels, jumps
