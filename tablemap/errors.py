@@ -31,36 +31,34 @@ LOSSES = ("recording.truncated", "recording.damaged")
 """Warnings that not all of a recording could be read; they make a run ``partial``."""
 
 WARNING_CODES: dict[str, str] = {
-    "recording.truncated": "The file was cut short; what could be read was used.",
-    "recording.damaged": (
-        "A part failed its checksum or could not be decoded; what makes no sense was left out."
-    ),
+    "recording.truncated": "The file was cut short; the part that could be read was used.",
+    "recording.damaged": ("A part failed its checksum or could not be decoded; it was left out."),
     "recording.silent_sensor": (
-        "A sensor's messages say nothing, or something that cannot be; it was done without."
+        "The messages of a sensor are empty or impossible; they were not used."
     ),
     "recording.topic_choice": "Several topics fitted a role; one was chosen.",
     "snapshots.set_aside": "Depth images became no snapshot.",
     "snapshots.unused": "Snapshots do not see the table, or were not registered.",
     "registration.pair_dropped": "Pairs of snapshots disagree with the rest.",
-    "legs.set_aside": "What stands under or near the top and is no leg of it.",
-    "recording.no_pose": "Depth images or a laser were left out, for their pose is not known.",
-    "recording.pose_topic": "TF lacks poses; those on a topic of their own were taken.",
+    "legs.set_aside": "Things stand under or near the top and are no legs of it.",
+    "recording.no_pose": "Depth images or a laser were left out, as their pose is unknown.",
+    "recording.pose_topic": "TF lacks poses; those on another topic were taken.",
     "recording.odometry_restart": (
-        "The wheel odometry starts again under way; it was joined there, and is no motion."
+        "The wheel odometry starts again during the drive; its parts were joined."
     ),
     "accuracy.odometry_restart": (
-        "The wheel odometry starts again after a gap over which nothing tells the motion."
+        "The wheel odometry starts again after a gap in which the motion is unknown."
     ),
-    "calibration.no_floor": "Too little floor was seen to calibrate the camera; TF was believed.",
+    "calibration.no_floor": "Too little floor was seen; the camera was not calibrated.",
     "calibration.floor_level": (
-        "The floor is not at z = 0 of the fixed frame; heights count from where it is."
+        "The floor is not at z = 0 of the fixed frame; heights are measured from the floor."
     ),
     "surface.inferred_side": "A side was seen only in part, but enough to know where it ends.",
-    "accuracy.hardly_table": "What was chosen shows a front below, as a box or a couch does.",
+    "accuracy.hardly_table": "The chosen surface has a front below it, like a box or a couch.",
     "accuracy.second_choice": "The likeliest surface gave no table; another one was taken.",
     "segmentation.table_tie": "Several surfaces could be the table; one was chosen.",
     "recording.calibration": (
-        "Calibrations change, were left out, or differ between topics; it is said which one counts."
+        "Calibrations change, were left out, or differ between topics; the message says more."
     ),
     "accuracy.calibration_flawed": (
         "The camera's distortion cannot be that of a lens; its images were taken as undistorted."
@@ -75,7 +73,7 @@ WARNING_CODES: dict[str, str] = {
         "Depth may have another unit, direction or frame than its encoding says."
     ),
     "accuracy.floor": (
-        "The floor lies beside z = 0, or is tilted: the calibration, TF or the depth is wrong."
+        "The floor does not lie at z = 0, or is tilted: calibration, TF or depth are wrong."
     ),
     "accuracy.tf_conflict": (
         "Two sources send one transform and disagree; the one that sent most was taken."
@@ -83,26 +81,26 @@ WARNING_CODES: dict[str, str] = {
     "accuracy.few_views": "Too few views see the table to check one against another.",
     "accuracy.height_scatter": "The views disagree on the height of the top.",
     "accuracy.calibration": (
-        "The floor asks for a camera tilt or depth scale beyond the plausible; it was not applied."
+        "By the floor, the camera's tilt or depth scale is implausible; it was left as recorded."
     ),
     "accuracy.floor_level": (
-        "The floor lies centimetres beside the base, as of a wrong lens, depth scale or height."
+        "The floor lies centimetres above or below the base: lens, depth scale or TF are wrong."
     ),
-    "odometry.bridged": "Part of the way no laser scan could be placed; the wheels bridge it.",
+    "odometry.bridged": "On a part of the way no laser scan could be placed; the wheels were used.",
     "odometry.left_open": (
-        "The laser saw nothing that holds along one direction, as in a corridor; "
-        "along it the recorded motion carries."
+        "The laser saw nothing that fixes the position along one direction, as in a corridor; "
+        "along it the recorded motion was used."
     ),
-    "odometry.no_laser": "There is no usable laser; the wheels carry the motion between the stops.",
+    "odometry.no_laser": "There is no usable laser; the motion of the wheels was used.",
     "odometry.no_wheels": (
-        "There is neither laser nor wheel odometry; the localisation carries the motion."
+        "There is neither laser nor wheel odometry; the motion of the localisation was used."
     ),
     "odometry.wheels_disagree": (
         "Wheels and laser end up metres apart; the laser's motion was taken."
     ),
-    "odometry.kept_prior": "Scans that moved too far from their prior were placed by the prior.",
+    "odometry.kept_prior": "Scans that moved too far from their prediction were placed by it.",
     "registration.no_scan": (
-        "A snapshot has no usable laser scan; depth ties it to the others, or it is not used."
+        "A snapshot has no usable laser scan; depth connects it to the others, or it is not used."
     ),
     "registration.searched": "A snapshot started far from its place and was found by searching.",
     "accuracy.registration_failed": "A snapshot's registration failed its check; it is not used.",
@@ -117,31 +115,27 @@ WARNING_CODES: dict[str, str] = {
     "accuracy.unseen_side": "A side of the top was not seen; its place is only bounded.",
     "accuracy.inferred_side": "A side of the top was seen at one end only, or follows by symmetry.",
     "accuracy.shape_ambiguous": "Another shape explains the edges nearly as well.",
-    "accuracy.no_primitive": (
-        "No primitive fits the outline; the hull of what was seen stands in for it."
-    ),
+    "accuracy.no_primitive": ("No shape fits the outline; the hull of the seen top was taken."),
     "accuracy.poor_fit": (
         "The edge points scatter far more about the chosen outline than their sigma says."
     ),
     "accuracy.inner_edge": (
-        "An edge runs inside of the outline: two surfaces may have been taken for one top."
+        "There is an edge inside the outline: two surfaces may have been taken for one top."
     ),
     "surface.adjoining": (
-        "A seat touches the table at its height; it was taken off, for it has legs of its own."
+        "A seat touches the table at its height; it was removed, as it has legs of its own."
     ),
     "accuracy.adjoining": (
-        "A surface touches the table at its height; it was taken off, for it has legs of its own."
+        "A surface touches the table at its height; it was removed, as it has legs of its own."
     ),
-    "accuracy.two_tables": "The legs stand as those of two tables that were pushed together.",
-    "accuracy.votes_contradict": (
-        "Part of what was seen as top lies outside the outline, or free space inside."
-    ),
+    "accuracy.two_tables": "The legs stand like those of two tables that were pushed together.",
+    "accuracy.votes_contradict": ("Top was seen outside the outline, or free space inside it."),
     "crosscheck.mounting": (
-        "Camera and laser disagree by more than 5 mm: one of them is not where TF has it."
+        "Camera and laser disagree by more than 5 mm: TF has a wrong pose of one of them."
     ),
-    "legs.no_laser": "No laser cuts the legs; what was found rests on the depth camera alone.",
+    "legs.no_laser": "No laser sees the legs; they come from the depth camera alone.",
     "legs.none_found": "No leg was found.",
-    "legs.inferred": "A leg that no view could have seen was put by symmetry.",
+    "legs.inferred": "A leg that no view could see was placed by symmetry.",
     "export.assumed_thickness": "The top's thickness is not known; the configured one was written.",
     "export.outline_repaired": "The outline crosses itself; its largest part was written.",
     "export.bound": "A dimension was not seen; its bound was written.",

@@ -214,7 +214,7 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
         place = f"({candidate.x:.2f}, {candidate.y:.2f})"
         where = f"the surface at {place}, {candidate.height:.2f} m high"
         if candidate.reason is not None:
-            return f"{where}, is hardly a table: {candidate.reason}"
+            return f"{where}, is probably no table: {candidate.reason}"
         try:
             segmentation = segment(
                 snapshots, config=config.segmentation, sensors=sensors, candidate=candidate

@@ -290,7 +290,7 @@ def load_run(run: AnyPath) -> RunFolder:
     if not is_file(folder / MANIFEST) and is_link(latest):
         if not is_folder(latest):
             raise TablemapError(
-                f"the run that it names is gone; give another of its runs: {latest}"
+                f"the run that this link names is gone; give another of its runs: {latest}"
             )
         folder = latest.resolve()
     file = folder / MANIFEST

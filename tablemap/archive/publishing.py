@@ -56,7 +56,7 @@ class Destination:
                 (target.parent / LATEST).put(f"{run.name}\n".encode())
         except OSError as error:
             raise TablemapError(
-                f"the run cannot be put there ({error.strerror}), and stays at {run}: {target}"
+                f"the run cannot be uploaded ({error.strerror}) and stays at {run}: {target}"
             ) from error
         self._published.add(run)
 

@@ -39,7 +39,7 @@ def check_files(run: RunFolder) -> list[Check]:
         if name not in found:
             checks.append(Check(name, "missing", "the manifest names it"))
         elif found[name] != digest:
-            checks.append(Check(name, "changed", "its SHA-256 is not the manifest's"))
+            checks.append(Check(name, "changed", "its SHA-256 is not the one in the manifest"))
         else:
             checks.append(Check(name, "ok"))
     extra = sorted(found.keys() - expected.keys())
@@ -65,11 +65,11 @@ def find_input(run: RunFolder) -> Input:
     size = found.size()
     if entry.size is not None and size != entry.size:
         raise RecordingError(
-            f"the recording is not the run's: expected {entry.size} bytes, found {size}: {found}"
+            f"the recording is another one: expected {entry.size} bytes, found {size}: {found}"
         )
     if entry.sha256 is not None and found.sha256() != entry.sha256:
         raise RecordingError(
-            f"the recording is not the run's: its SHA-256 is not the manifest's: {found}"
+            f"the recording is another one: its SHA-256 is not the one in the manifest: {found}"
         )
     return found
 

@@ -198,7 +198,7 @@ class TableLeg(Part):
         description="radians in `frame`, counter-clockwise, of its length; 0 for a circle",
     )
     status: Status = Field(
-        description="measured; inferred: put by symmetry, where no view could have seen it; "
+        description="measured; inferred: placed by symmetry, where no view could see it; "
         "unseen: the value is a bound",
     )
     position_sigma: Number | None = Field(
@@ -241,7 +241,7 @@ class Verdict(Part):
     """Whether the model can be trusted."""
 
     level: Level = Field(description="good; doubtful: look at the reasons; failed: not to be used")
-    reasons: tuple[str, ...] = Field(description="what is doubted, a sentence each")
+    reasons: tuple[str, ...] = Field(description="the doubts, a sentence each")
 
 
 class WarningEntry(Part):
@@ -295,22 +295,22 @@ class TableModel(Part):
         "its fixed frame",
     )
     floor_z: Number = Field(
-        description="metres; the floor's height in `frame`, from which all other heights count",
+        description="metres; the floor's height in `frame`; all other heights are measured from it",
     )
     surface: TableSurface = Field(description="the top")
     legs: tuple[TableLeg, ...] = Field(
-        max_length=MOST_LEGS, description="every leg that was found, or put by symmetry"
+        max_length=MOST_LEGS, description="every leg that was found, or placed by symmetry"
     )
     snapshots: tuple[SnapshotPose, ...] = Field(
         description="where the base stood, in the order of time, and which views were used",
     )
     calibration: CalibrationEntry | None = Field(
         default=None,
-        description="what the floor said about the camera; null where it said nothing",
+        description="corrections of the camera from floor and top; null where there are none",
     )
     verdict: Verdict = Field(description="whether the model is to be trusted")
     warnings: tuple[WarningEntry, ...] = Field(
-        description="what its reader must know",
+        description="warnings, in the order of the stages",
     )
 
     @model_validator(mode="wrap")

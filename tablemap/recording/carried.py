@@ -20,7 +20,7 @@ def carried_warnings(source: Source) -> list[ProcessWarning]:
             said: Any = json.loads(bytes(message.data))
             found += [_warning(**each) for each in said["warnings"]]
         except (ValueError, KeyError, TypeError):
-            words = "What was said of the recording before it was converted cannot be read."
+            words = "The warnings from before the conversion cannot be read."
             found.append(ProcessWarning("recording.damaged", "recording", words))
     return found
 

@@ -77,7 +77,7 @@ class Channels:
             others = self._others[topic.name]
             self._say(
                 "recording.topic_choice",
-                f"{len(others)} messages on {topic.name} were left out, for they are in another "
+                f"{len(others)} messages on {topic.name} were left out, as they are in another "
                 f"frame ({', '.join(sorted(set(others))[:3])}): two sensors share the topic, and "
                 "the first is used.",
             )

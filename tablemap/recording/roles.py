@@ -99,7 +99,7 @@ def find_roles(
                     "recording.topic_choice",
                     "recording",
                     f"No calibration lies beside {depth.name} or in its frame; {calibration.name} "
-                    "was taken, and may be another camera's (--set topics.calibration=TOPIC).",
+                    "was taken, perhaps that of another camera (--set topics.calibration=TOPIC).",
                 )
             )
     others = tuple(
@@ -286,7 +286,9 @@ def _given(
         if fits(topic):
             return topic
     if named or name in names:
-        what = named[0].problem if named and named[0].problem else "does not hold what it takes"
+        what = (
+            named[0].problem if named and named[0].problem else "has no messages of the right type"
+        )
         raise RecordingError(f"The topic {name!r} cannot be taken for {role}: it {what}.")
     near = difflib.get_close_matches(name, names, n=3, cutoff=0.4)
     hint = f"did you mean {' or '.join(near)}?" if near else f"it has {', '.join(names) or 'none'}."

@@ -21,7 +21,7 @@ from tablemap.recording.several import Several
 _BAG = b"#ROSBAG V"
 _DATABASE = b"SQLite format 3\0"
 _OTHER_FORMATS = {
-    b"RRF2": "a Rerun recording, which is a result of processing and no input of it",
+    b"RRF2": "a Rerun recording, which is a result of processing, not an input",
     b"\x1f\x8b": "packed with gzip; unpack it first",
     b"PK\x03\x04": "a zip archive; unpack it first",
     b"version https://git-lfs": "a Git LFS pointer, not the file; fetch it with git lfs pull",

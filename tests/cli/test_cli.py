@@ -256,7 +256,7 @@ WRONG = {
     "runs list text.mcap": (1, None),
     "runs show dangling": (
         1,
-        "tablemap: the run that it names is gone; give another of its runs: dangling/latest",
+        "tablemap: the run that this link names is gone; give another of its runs: dangling/latest",
     ),
     "runs compare none none": (1, None),
     "runs verify none": (1, None),

@@ -22,7 +22,7 @@ DOUBT = m.WarningEntry(
     code="accuracy.unseen_side", stage="surface", message="One side was not seen.", stamp_ns=None
 )
 NOTE = m.WarningEntry(
-    code="legs.inferred", stage="legs", message="One leg was put by symmetry.", stamp_ns=None
+    code="legs.inferred", stage="legs", message="One leg was placed by symmetry.", stamp_ns=None
 )
 DOUBTFUL = rectangle_model().model_copy(
     update={
@@ -52,7 +52,7 @@ def test_process_ends_with_why_its_model_is_doubtful(acted: Path) -> None:
     """Apart from the notes, which doubt nothing; a good model ends with how to open it."""
     lines = tablemap_here("process", "low.mcap", cwd=acted).stdout.splitlines()
     assert lines[-2:] == ["doubtful because:", "  accuracy.unseen_side: One side was not seen."]
-    assert "note          legs.inferred: One leg was put by symmetry." in map(str.rstrip, lines)
+    assert "note          legs.inferred: One leg was placed by symmetry." in map(str.rstrip, lines)
     good = tablemap_here("process", "high.mcap", cwd=acted).stdout
     assert good.splitlines()[-1].startswith("open it")
 
@@ -105,12 +105,12 @@ def test_show_says_it_too(acted: Path) -> None:
     lines = tablemap_here("runs", "show", "runs/low/a", cwd=acted).stdout.splitlines()
     assert [line.split(maxsplit=1) for line in lines[-2:]] == [
         ["because", "accuracy.unseen_side: One side was not seen."],
-        ["note", "legs.inferred: One leg was put by symmetry."],
+        ["note", "legs.inferred: One leg was placed by symmetry."],
     ]
 
 
 BESIDE = rectangle_model(length=0.8, width=0.5, height=0.45, x=2.0, y=1.0)
-WHY_NONE = "the surface at (1.00, 3.00), 0.40 m high, is hardly a table: seen by one view alone"
+WHY_NONE = "the surface at (1.00, 3.00), 0.40 m high, is probably no table: seen by one view alone"
 
 
 @pytest.fixture

@@ -67,7 +67,7 @@ class Container:
         self.warnings: list[ProcessWarning] = [] if warnings is None else warnings
         self._losses = Losses(self.warnings)
         if self._read_at(0, len(MAGIC)) != MAGIC:
-            raise RecordingError("The file does not begin as an MCAP does.")
+            raise RecordingError("The file does not begin like an MCAP.")
         self.profile, self.library = self._read_header()
         self._totals = Totals(self.limits, file.seek(0, 2))
         index = read_summary(file, self._losses, self._totals)

@@ -130,7 +130,7 @@ class Losses:
         """Warn that the part at ``offset`` was left out, all of it or only invalid records."""
         if offset not in self._offsets:
             self._offsets.add(offset)
-            left = "what of it makes no sense was left out" if partly else "it was left out"
+            left = "its invalid records were left out" if partly else "it was left out"
             self.say(
                 "recording.damaged",
                 f"A part of the file that begins at byte {offset} is damaged; {left}: it {error}.",

@@ -143,7 +143,7 @@ class TransformCollector:
             for (parent, child, reason), number in self.rejected.most_common()
         ]
         more = f" and of {len(shown) - 3} more frames" if len(shown) > 3 else ""
-        return f"{', '.join(shown[:3])}{more} were left out, for they are no rigid motions."
+        return f"{', '.join(shown[:3])}{more} were left out, as they are no rigid motions."
 
     def _edge(self, key: tuple[str, str], senders: dict[_Sender, _Samples]) -> TransformEdge | None:
         moving: list[Track] = []

@@ -104,8 +104,8 @@ def _at_level(
         ProcessWarning(
             "calibration.floor_level",
             "calibration",
-            f"the floor lies at z = {level:+.3f} m of the fixed frame, not at 0: heights count "
-            "from it",
+            f"the floor lies at z = {level:+.3f} m in the fixed frame, not at 0; heights are "
+            "measured from this floor",
         )
     ]
     if config.least_level < abs(level - base) < _STEP_M:
@@ -113,9 +113,10 @@ def _at_level(
             ProcessWarning(
                 "accuracy.floor_level",
                 "calibration",
-                f"the floor lies {100 * (level - base):+.1f} cm beside the base's origin: a wrong "
-                "depth scale, focal length or camera height looks like this; check the camera's "
-                "calibration and its height in TF",
+                f"the floor lies {100 * abs(level - base):.1f} cm "
+                f"{'above' if level > base else 'below'} the base's origin; a wrong depth scale, "
+                "focal length or camera height causes this; check the camera's calibration and "
+                "its height in TF",
             )
         )
     return replace(result, floor_z=level, warnings=(*warnings, *result.warnings))
@@ -184,7 +185,7 @@ def _calibrated(
             "calibration.no_floor",
             "calibration",
             f"{pixels} floor pixels were seen in {len(snapshots)} views, "
-            f"{config.least_floor_pixels} are needed: the camera's tilt and scale were left as "
+            f"{config.least_floor_pixels} are needed; the camera's tilt and scale were left as "
             "recorded",
         )
         nothing = unadjusted(beliefs, len(snapshots))
@@ -279,8 +280,8 @@ def _believed(result: Calibration, config: CalibrationConfig) -> Calibration:
     warning = ProcessWarning(
         "accuracy.calibration",
         "calibration",
-        f"The floor asks for {' and '.join(excess)}: that is implausible, and the camera was left "
-        "as recorded; check its mounting in TF and its calibration",
+        f"By the floor, the camera has {' and '.join(excess)}; this is implausible, so it was left "
+        "as recorded; check the camera's mounting in TF and its calibration",
     )
     left = unadjusted(wide, len(result.recorded))
     same = _result(result.recorded, None, left, wide, (*result.warnings, warning))

@@ -188,18 +188,18 @@ def _warning(
     forward, left = 1e3 * at_table
     seen = "edges and legs" if sightings else "edges"
     message = (
-        f"camera and laser disagree: seen from different sides, the table's {seen} ask for a "
-        f"camera {abs(forward):.0f} mm further {'forward' if forward > 0 else 'back'} and "
-        f"{abs(left):.0f} mm further {'left' if left > 0 else 'right'} at the table (sigmas "
-        f"{1e3 * sigma[0]:.1f} and {1e3 * sigma[1]:.1f} mm), "
-        f"{abs(np.degrees(solution.asked[2])):.1f} degrees of turning included. TF has the camera "
-        f"or the laser elsewhere than it is"
+        f"camera and laser disagree: the table's {seen}, seen from different sides, fit together "
+        f"if what the camera sees at the table lies {abs(forward):.0f} mm further "
+        f"{'forward' if forward > 0 else 'back'} and {abs(left):.0f} mm further "
+        f"{'left' if left > 0 else 'right'} (sigmas {1e3 * sigma[0]:.1f} and "
+        f"{1e3 * sigma[1]:.1f} mm), with a turn of {abs(np.degrees(solution.asked[2])):.1f} "
+        "degrees. TF has a wrong pose of the camera or the laser"
     )
     if told and abs(solution.asked[3]) > 2.0 * np.sqrt(solution.covariance[3, 3]):
         longer = "long" if solution.asked[3] < 0 else "short"
         message += (
-            f"; {1e3 * abs(solution.asked[3]):.1f} permil of it are the laser's ranges, too "
-            f"{longer} for the camera's"
+            f"; besides, the laser's ranges are {1e3 * abs(solution.asked[3]):.1f} permil too "
+            f"{longer} for the camera's depth"
         )
     elif abs(forward) > 3.0 and abs(forward) / arms.reach < 10.0 and not told:
         message += f", or the laser's ranges are {abs(forward) / arms.reach:.0f} permil off"

@@ -57,7 +57,7 @@ class Adjoining:
         on = "a leg in its middle" if self.legs == 1 else f"{self.legs} legs of its own"
         message = (
             f"A surface of {length:.2f} by {width:.2f} m at ({x:.2f}, {y:.2f}) touches the table "
-            f"at its height and stands on {on}: it was taken for another piece of furniture."
+            f"at its height and stands on {on}; it was taken for another piece of furniture."
         )
         code = "surface.adjoining" if self.is_seat else "accuracy.adjoining"
         return ProcessWarning(code, "surface", message)

@@ -12,12 +12,7 @@ from tablemap.model.shapes import CIRCLE, RECTANGLE, SQUARE, ShapeRecord
 from tablemap.stages.legs.chairs import chair_like
 from tablemap.stages.legs.clusters import Cluster, Persistence, find_clusters, persistence
 from tablemap.stages.legs.depth import Reach, reach
-from tablemap.stages.legs.evidence import (
-    STOP_POSITION_SIGMA,
-    LegEvidence,
-    gather_evidence,
-    thinned,
-)
+from tablemap.stages.legs.evidence import STOP_POSITION_SIGMA, LegEvidence, gather_evidence, thinned
 from tablemap.stages.legs.fit import Fit, Priors, criterion, fit_alone
 from tablemap.stages.legs.layout import Frame, table_sets
 from tablemap.stages.legs.primitives import sizes_of
@@ -123,7 +118,7 @@ def _judged(
         return replace(found, reason="seen from one stop alone")
     evidence = gather_evidence(scans, points, own, own)
     if len(evidence.sigma) < _LEAST_TANGENTS:
-        return replace(found, reason="too little of its outline seen")
+        return replace(found, reason="too little of its outline was seen")
     fits = _own_fits(cluster, evidence, frame, sensors)
     found = replace(found, evidence=evidence, fits=fits)
     place = fits[found.kind].parameters[0, :2]
@@ -172,7 +167,7 @@ def _objection(found: LegCandidate, frame: Frame, config: LegsConfig) -> str | N
     stayed, size = found.stayed, found.size
     seen = stayed.hit + stayed.passed
     if seen and stayed.share < config.persistence:
-        return f"gone in {stayed.passed} of {seen} views that looked there: it moved"
+        return f"missing in {stayed.passed} of {seen} views that looked there: it moved"
     central = frame.is_central(found.place)
     if found.kind is RECTANGLE:
         length, width = np.sort(found.fits[RECTANGLE].parameters[0, sizes_of(RECTANGLE)])[::-1]
@@ -188,8 +183,8 @@ def _objection(found: LegCandidate, frame: Frame, config: LegsConfig) -> str | N
         return "its silhouettes do not agree on a shape"
     if found.cluster.slender and found.reach.is_free:
         return (
-            f"does not reach the top: {found.reach.passed} looks of the depth camera passed "
-            "between it and the top"
+            f"does not reach the top: the depth camera saw through between them "
+            f"{found.reach.passed} times"
         )
     return None
 
@@ -265,12 +260,12 @@ class _Signs:
     def objection(self, inset: float) -> str:
         """Return the strongest sign against it, at ``inset`` metres inside the outline."""
         if self.in_chair:
-            return "stands as a chair's leg does, and was not seen to reach the top"
+            return "stands like the leg of a chair, and was not seen to reach the top"
         if self.is_beyond:
             return f"stands {100 * -inset:.0f} cm beyond the top, without partners"
         if self.table_has_set:
             return "stands inside a complete set of legs, and was not seen to reach the top"
-        return "neither its place nor the depth camera tell it from clutter"
+        return "neither its place nor the depth camera shows that it is a leg"
 
 
 def _without_fragments(candidates: list[LegCandidate]) -> list[LegCandidate]:

@@ -236,7 +236,7 @@ def _post(
     upper = float(column[len(column) // 2 :].mean())
     reason = None
     if size > config.largest_depth_leg:
-        reason = f"seen by depth, {100 * size:.0f} cm across: no leg could be told from it"
+        reason = f"{100 * size:.0f} cm across: too large for a leg that depth alone saw"
     elif filled < 0.6 or upper < 0.6:
-        reason = f"fills {100 * filled:.0f} % of the height under the top: does not carry it"
+        reason = f"fills {100 * filled:.0f} % of the height under the top: it carries nothing"
     return Post(centre, size, evidence, np.concatenate(collected), len(collected), filled, reason)

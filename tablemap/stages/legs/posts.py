@@ -58,7 +58,7 @@ def accept_posts(
         if scans is not None:
             seen = persistence(scans, place, 0.5 * post.size)
             if seen.passed >= max(1, seen.hit):
-                refused.append(_refused(post, "the laser saw through under it"))
+                refused.append(_refused(post, "the laser saw free space at its foot"))
                 continue
         fitted.append(_Fitted(post, fit, place))
     fitted, doubles = _without_doubles(fitted)
@@ -75,7 +75,7 @@ def accept_posts(
         elif frame.inset(one.place) < -0.03:
             refused.append(_refused(one.post, "stands beyond the top"))
         elif one.post.views < 2 and i not in partners:
-            refused.append(_refused(one.post, "seen by depth from one view alone"))
+            refused.append(_refused(one.post, "depth saw it from one view alone"))
         elif central or (corner and i in partners):
             found.append(
                 measured_leg(
@@ -90,9 +90,9 @@ def accept_posts(
                 )
             )
         elif not corner:
-            refused.append(_refused(one.post, "seen by depth, away from corners and middle"))
+            refused.append(_refused(one.post, "depth alone saw it, off corners and middle"))
         else:
-            refused.append(_refused(one.post, "seen by depth, without a partner by symmetry"))
+            refused.append(_refused(one.post, "depth alone saw it, and it has no mirror image"))
     return found, refused
 
 

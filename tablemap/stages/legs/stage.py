@@ -97,15 +97,15 @@ def find_legs(
         evidence = (cells + 0.5) * 0.01
     if not legs:
         warnings.append(
-            _warning("legs.none_found", f"Of {len(rejected) + len(refused)} things none is a leg.")
+            _warning("legs.none_found", f"None of {len(rejected) + len(refused)} things is a leg.")
         )
     elif any(leg.status == "inferred" for leg in legs):
         warnings.append(
-            _warning("legs.inferred", "A leg that no view could have seen is put by symmetry.")
+            _warning("legs.inferred", "A leg that no view could see was placed by symmetry.")
         )
     places = np.array([(leg.x, leg.y) for leg in legs if leg.status == "measured"]).reshape(-1, 2)
     if is_two_tables(frame, places):
-        message = "The legs stand as those of two tables that were pushed together."
+        message = "The legs stand like those of two tables that were pushed together."
         warnings.append(_warning("accuracy.two_tables", message))
     return Legs(tuple(legs), tuple(rejected + refused), evidence, tuple(warnings), beam, bias)
 
@@ -122,7 +122,9 @@ def _usable_scans(
 ) -> Scans | None:
     """Gather the scans, or say why there are none that cut the legs."""
     if recording.names.laser is None:
-        warnings.append(_warning("legs.no_laser", "No laser: legs rest on the depth camera alone."))
+        warnings.append(
+            _warning("legs.no_laser", "There is no laser; legs come from the depth camera alone.")
+        )
         return None
     mount = recording.base_from_laser(snapshots[min(poses)].stamp_ns)
     tilt = float(np.arccos(np.clip(abs(mount[2, 2]), 0.0, 1.0)))
@@ -131,7 +133,7 @@ def _usable_scans(
             _warning(
                 "legs.no_laser",
                 f"The laser, {mount[2, 3]:.2f} m high, tilted by {np.degrees(tilt):.0f} degrees, "
-                "does not cut the legs: they rest on the depth camera alone.",
+                "does not see the legs; they come from the depth camera alone.",
             )
         )
         return None
@@ -146,7 +148,7 @@ def _usable_scans(
         range_noise=sensors.laser_range_noise,
     )
     if scans is None:
-        message = "No scan near the table: legs rest on the depth camera alone."
+        message = "No scan saw the table; legs come from the depth camera alone."
         warnings.append(_warning("legs.no_laser", message))
     return scans
 

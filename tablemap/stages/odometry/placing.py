@@ -132,7 +132,10 @@ def place_scans(
             last_map_ns = scan.stamp_ns
             record(OdometryMap(scan.stamp_ns, start.apply(kiss.local_map.point_cloud()[:, :2])))
     if kept_prior:
-        message = f"{kept_prior} of {len(stamps)} scans moved too far from their prior and kept it"
+        message = (
+            f"KISS-ICP moved {kept_prior} of {len(stamps)} scans too far from their prediction; "
+            "their prediction was kept"
+        )
         warnings.append(ProcessWarning("odometry.kept_prior", "odometry", message))
     if start is None:
         return None

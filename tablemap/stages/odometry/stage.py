@@ -64,7 +64,7 @@ def estimate_odometry(
         open_way = np.zeros((len(trajectory.stamps_ns), 2, 2))
         used, skipped = 0, placed.skipped if placed else 0
         code = "odometry.no_laser" if source == "wheels" else "odometry.no_wheels"
-        message = f"no usable laser scan; the motion between the stops is that of the {source}"
+        message = f"there is no usable laser scan; the motion of the {source} was taken"
         warnings.append(ProcessWarning(code, "odometry", message))
     at = trajectory.stamps_ns
     return Odometry(
@@ -94,8 +94,8 @@ def _left_open(trajectory: Trajectory, open_way: Floats, prior: str) -> list[Pro
     if most <= _OPEN_SHARE * way:
         return []
     message = (
-        f"over {most:.1f} of {way:.1f} m the laser saw nothing that holds along one direction, "
-        f"as in a corridor; along it the motion is that of the {prior}"
+        f"over {most:.1f} of {way:.1f} m the laser saw nothing that fixes the position along one "
+        f"direction, as in a corridor; along it the motion of the {prior} was taken"
     )
     first = int(np.argmax(np.trace(open_way, axis1=1, axis2=2) > 0))
     stamp_ns = int(trajectory.stamps_ns[first])
@@ -114,9 +114,9 @@ def _disagreeing(trajectory: Trajectory, wheels: Trajectory) -> list[ProcessWarn
     if apart[most] <= _APART + _APART_SHARE * way:
         return []
     message = (
-        f"wheels and laser come apart by {apart[most]:.1f} m over a drive of {way:.1f} m; the "
-        "laser's motion was taken, which the stops' scans confirm or not: slipping wheels or a "
-        "wrong wheel size would explain it"
+        f"wheels and laser end up {apart[most]:.1f} m apart after a drive of {way:.1f} m; the "
+        "laser's motion was taken, and the scans of the stops check it; slipping wheels or a wrong "
+        "wheel size would explain the difference"
     )
     code = "odometry.wheels_disagree"
     return [ProcessWarning(code, "odometry", message, int(stamps[most]))]
@@ -128,6 +128,7 @@ def _bridged(trajectory: Trajectory, gaps: Ints) -> list[ProcessWarning]:
     ways = [trajectory.way_between(*gap) for gap in gaps]
     message = (
         f"no laser scan could be placed over {sum(ways):.1f} of {trajectory.way()[-1]:.1f} m "
-        f"({len(gaps)} gaps, the longest {max(ways):.1f} m); the wheels bridge that"
+        f"({len(gaps)} gaps, the longest {max(ways):.1f} m); there the motion of the wheels was "
+        "taken"
     )
     return [ProcessWarning("odometry.bridged", "odometry", message, int(gaps[0][0]))]

@@ -156,8 +156,8 @@ def _missing(
     warnings = []
     for stop, snapshot, check in zip(stops, snapshots, solution.checks, strict=True):
         if stop is None:
-            fate = "depth ties it to the others" if check.passed else "it is not used"
-            message = f"no usable laser scan at this snapshot; {fate}"
+            fate = "depth connects it to the others" if check.passed else "it is not used"
+            message = f"there is no usable laser scan at this snapshot; {fate}"
             warnings.append(
                 ProcessWarning("registration.no_scan", "registration", message, snapshot.stamp_ns)
             )
@@ -181,7 +181,7 @@ def _doubts(
     if spread > _WANDERS:
         message = (
             f"the localised poses lie {1e3 * spread:.0f} mm (median) from the registered ones; "
-            "the table's place in the map is no better known than that"
+            "the table's place in the map is as uncertain as this"
         )
         warnings.append(ProcessWarning("registration.placement", "registration", message))
     return warnings

@@ -179,6 +179,7 @@ def _weigh(group: _Group, config: SegmentationConfig) -> TableCandidate:
     spread = float(1.0 - np.linalg.norm(mean_bearing)) if len(views) > 1 else 0.0
     openness = float(np.median(opens)) if opens else None
     walled = float(np.median(walls))
+    is_closed = openness is not None and openness < _CLOSED
     reasons, likeness = _likeness(openness, walled, max(areas), group.height, config)
     weight = float(looked.sum() * (0.5 + spread) * likeness)
     ring = np.array(shapely.geometry.polygon.orient(shape).exterior.coords)[:-1]
@@ -193,7 +194,11 @@ def _weigh(group: _Group, config: SegmentationConfig) -> TableCandidate:
         hull=ring,
         chosen=False,
         reason="; ".join(reasons) or None,
+        is_closed=is_closed,
     )
+
+
+_CLOSED = 0.25  # a smaller open share of the space under a surface is a front
 
 
 def _common_cells(group: _Group) -> Floats:
@@ -218,14 +223,14 @@ def _likeness(
     likeness = 1.0
     if openness is None:
         likeness *= 0.6
-        reasons.append("what is under it was not seen")
+        reasons.append("the space under it was not seen")
     else:
         likeness *= 0.1 + 0.9 * min(1.0, openness / 0.5)
-        if openness < 0.25:
-            reasons.append(f"closed below (open share {openness:.2f})")
+        if openness < _CLOSED:
+            reasons.append(f"a front closes the space under it (open share {openness:.2f})")
     if walled > 0.35:
         likeness *= max(0.15, 1.35 - walled)
-        reasons.append(f"its rim rises over {walled:.0%}, as of a seat or a shelf")
+        reasons.append(f"something rises at {walled:.0%} of its rim, as at a seat or a shelf")
     if area < config.small_area:
         likeness *= area / config.small_area
         reasons.append(f"small: {area:.2f} m2")

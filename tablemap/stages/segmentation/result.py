@@ -51,6 +51,7 @@ class TableCandidate:
     - ``spread``: from 0 to 1, how far round the surface the views stand
     - ``hull``: (n, 2) metres in the map, counter-clockwise
     - ``reason``: the reasons against it
+    - ``is_closed``: whether a front closes the space under it, as of a box or a couch
     """
 
     x: float
@@ -63,6 +64,7 @@ class TableCandidate:
     hull: Floats
     chosen: bool
     reason: str | None
+    is_closed: bool
 
 
 @dataclass(frozen=True, eq=False)

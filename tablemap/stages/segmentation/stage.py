@@ -62,7 +62,9 @@ def segment(
         places = ", ".join(
             f"--near {c.x:.2f} {c.y:.2f} ({c.height:.2f} m high)" for c in candidates
         )
-        raise EstimationError(f"{failure}; nor did any other candidate: {places}") from failure
+        raise EstimationError(
+            f"{failure}; no other candidate gave a table either: {places}"
+        ) from failure
 
 
 def _labelled(
@@ -107,9 +109,9 @@ def _labelled(
 
 def _hardly(chosen: TableCandidate) -> list[ProcessWarning]:
     """Doubt a table under which nothing was seen but a front."""
-    if chosen.reason is None or "closed below" not in chosen.reason:
+    if not chosen.is_closed:
         return []
-    message = f"The chosen surface at {_place(chosen)} is hardly a table: {chosen.reason}"
+    message = f"The chosen surface at {_place(chosen)} is probably no table: {chosen.reason}"
     return [ProcessWarning("accuracy.hardly_table", "segmentation", message)]
 
 
@@ -158,7 +160,9 @@ def _choose(
     if not ties:
         return chosen, []
     places = ", ".join(f"--near {c.x:.2f} {c.y:.2f} ({c.height:.2f} m high)" for c in ties)
-    message = f"The table at {_place(chosen)} was chosen, nearly tied with others: {places}"
+    message = (
+        f"The table at {_place(chosen)} was chosen; other surfaces are nearly as likely: {places}"
+    )
     return chosen, [ProcessWarning("segmentation.table_tie", "segmentation", message)]
 
 

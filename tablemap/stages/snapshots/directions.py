@@ -51,7 +51,7 @@ def by_direction(
     looks = _runs(stamps, mounts) if far_apart(stamps) else _rests(recording, stop, stamps, config)
     if looks:
         still = np.concatenate([look.stamps_ns for look in looks])
-        reason = "taken while the camera moved from one direction to another"
+        reason = "it was taken while the camera turned to another direction"
         looks, again = _once_each(looks)
         aside += again
     else:
@@ -59,8 +59,8 @@ def by_direction(
         kept = choose_by_new_view(angles, config.maximum, config)
         looks, still = [_Look(mounts[i], stamps[i : i + 1]) for i in kept], stamps[kept]
         reason = (
-            "the camera kept turning, and this is no new view among the "
-            f"{config.maximum} that are kept at most"
+            "the camera kept turning, and it is not among the "
+            f"{config.maximum} images that show the most views"
         )
     aside += [SetAside("depth image", int(s), reason) for s in np.setdiff1d(stamps, still)]
     return _shared_out(stop, [look.stamps_ns for look in looks]), aside
@@ -162,7 +162,7 @@ def _once_each(looks: list[_Look]) -> tuple[list[_Look], list[SetAside]]:
         if all(_elsewhere(other.mount[None], look.mount)[0] for other in kept):
             kept.append(look)
         else:
-            reason = "the camera looked there at another time of this stop too, as long or longer"
+            reason = "at this stop the camera looked in the same direction once more, no shorter"
             middle = int(look.stamps_ns[len(look.stamps_ns) // 2])
             aside.append(SetAside("viewpoint", middle, reason))
     return sorted(kept, key=lambda one: int(one.stamps_ns[0])), aside

@@ -46,7 +46,7 @@ def take_snapshots(
             SetAside(
                 "viewpoint",
                 viewpoint.middle_ns,
-                f"no new view among the {config.maximum} that are kept at most",
+                f"it is not among the {config.maximum} viewpoints that show the most views",
             )
         )
     snapshots, dropped = _decode(recording, [viewpoints[i] for i in kept], config)

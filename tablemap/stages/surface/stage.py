@@ -291,7 +291,7 @@ def _doubts(
         found.append(
             (
                 "accuracy.no_primitive",
-                "No primitive fits the edge of the top; its outline is the hull of what was seen.",
+                "No shape fits the edge of the top; the outline is the hull of the seen top.",
             )
         )
     best = primitives[0]
@@ -324,15 +324,15 @@ def _doubts(
         found.append(
             (
                 "accuracy.votes_contradict",
-                f"{cells * evidence.cell**2:.3f} square metres were seen as top beyond the "
-                "outline, or seen through within it.",
+                f"{cells * evidence.cell**2:.3f} square metres contradict the outline: top was "
+                "seen outside it, or free space inside it.",
             )
         )
     for edge in inner_edges(chosen.fit.points, chosen.fit.shape.outline(), config)[:1]:
         found.append(
             (
                 "accuracy.inner_edge",
-                f"{edge.points} edge points run for {edge.length:.2f} m inside of the outline: "
+                f"{edge.points} edge points form an edge of {edge.length:.2f} m in the outline; "
                 "another surface of this height may touch the table.",
             )
         )

@@ -10,13 +10,7 @@ from scipy.spatial import cKDTree
 
 from tablemap.config import OdometryConfig
 from tablemap.geometry import Pose2
-from tablemap.stages.odometry import (
-    Odometry,
-    OdometryMap,
-    OdometryScan,
-    Trajectory,
-    points_in_base,
-)
+from tablemap.stages.odometry import Odometry, OdometryMap, OdometryScan, Trajectory, points_in_base
 from tablemap.stages.odometry.constraint import constrained, held_share
 from tablemap.stages.odometry.placing import EVENT_MAPS, EVENT_POINTS
 from tests.making.registered_laps import estimated
@@ -181,7 +175,7 @@ def test_wheels_that_end_up_metres_from_the_laser_are_said() -> None:
     place, _ = relative_errors(at_stops(odometry, drive), drive.truth())
     assert place.max() < 0.03
     (warning,) = (w for w in odometry.warnings if w.code == "odometry.wheels_disagree")
-    assert re.search(r"apart by [2-9]\.\d m over a drive of", warning.message)
+    assert re.search(r"end up [2-9]\.\d m apart after a drive of", warning.message)
 
 
 CORRIDOR_YAW = 0.4

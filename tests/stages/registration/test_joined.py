@@ -78,7 +78,7 @@ def test_a_stop_without_a_scan_is_placed_by_depth(gap: tuple[Registration, np.nd
     assert sigma[BLIND] > 2 * np.delete(sigma, BLIND).max()
     assert np.delete(place, BLIND).max() < 0.004
     (warning,) = [w for w in registration.warnings if w.code == "registration.no_scan"]
-    assert "depth ties it" in warning.message
+    assert "depth connects it" in warning.message
     joined = [pair for pair in registration.pairs if pair.kind in ("depth", "loop")]
     assert joined
     assert all(BLIND in (pair.source, pair.target) for pair in joined)

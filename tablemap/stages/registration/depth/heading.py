@@ -132,7 +132,7 @@ def _judged(
     reasons: tuple[str, ...] = ()
     if others and check.index not in tied:
         views = "another view" if others == 1 else f"{others} other views"
-        reasons = (f"what stands upright contradicts {views}, and nothing confirms its heading",)
+        reasons = (f"its upright surfaces contradict {views}, and nothing confirms its heading",)
     return replace(
         check,
         passed=not reasons,
@@ -145,9 +145,9 @@ def _unchecked(unknown: Sequence[int]) -> tuple[ProcessWarning, ...]:
     if not unknown:
         return ()
     message = (
-        f"nothing confirms the heading of snapshots {', '.join(map(str, unknown))}: no wheels, no "
-        "upright surface that another view saw too, and no edge that fits one way only; record "
-        "wheel odometry or a laser, or views that overlap more"
+        f"nothing confirms the heading of snapshots {', '.join(map(str, unknown))}: there are no "
+        "wheels, no upright surface that another view saw too, and no edge that fits in one way "
+        "alone; record wheel odometry or a laser, or views that overlap more"
     )
     code = "accuracy.registration_unchecked"
     return (ProcessWarning(code, "registration", message),)

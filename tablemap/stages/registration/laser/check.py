@@ -88,15 +88,15 @@ def _judge(seen: LaserStatistics) -> tuple[str, ...]:
     if seen.overlap < _LEAST_OVERLAP:
         reasons.append(f"only {seen.overlap:.0%} of its scan fits any other stop's")
     if seen.score < _LEAST_SCORE:
-        reasons.append(f"its scan scores {seen.score:.2f} among the others")
+        reasons.append(f"its scan has a score of only {seen.score:.2f} against the others")
     if seen.consistent < _LEAST_CONSISTENT:
-        reasons.append(f"only {seen.consistent:.0%} of what is shared agrees")
+        reasons.append(f"only {seen.consistent:.0%} of what other stops saw too agrees")
     if seen.rms > max(_LARGEST_RMS, _NOISE_FACTOR * seen.noise):
-        reasons.append(f"what is shared is off by {1e3 * seen.rms:.1f} mm RMS")
+        reasons.append(f"what other stops saw too is off by {1e3 * seen.rms:.1f} mm RMS")
     if seen.violation > _LARGEST_VIOLATION or (
         seen.violation > _DOUBTFUL_VIOLATION and seen.score < _DOUBTFUL_SCORE
     ):
-        reasons.append(f"{seen.violation:.0%} of its scan lies where others saw through")
+        reasons.append(f"{seen.violation:.0%} of its scan lies where other stops saw free space")
     return tuple(reasons)
 
 
