@@ -58,9 +58,9 @@ def _open_place(path: Path, warnings: list[ProcessWarning], limits: LimitsConfig
     if start.startswith(MAGIC):
         return _container(path, warnings, limits)
     if start.startswith(_BAG):
-        return Bag(path, ros1=True, warnings=warnings)
+        return Bag(path, ros1=True, warnings=warnings, limits=limits)
     if start.startswith(_DATABASE):
-        return Bag(path, ros1=False, warnings=warnings)
+        return Bag(path, ros1=False, warnings=warnings, limits=limits)
     if start.startswith(ZSTD_MAGIC):
         # An open file stays readable after its folder is removed.
         with TemporaryDirectory(prefix="tablemap-") as folder:

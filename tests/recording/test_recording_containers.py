@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import shutil
+import sqlite3
+import struct
 from pathlib import Path
 
 import pytest
@@ -12,8 +15,10 @@ from mcap.writer import Writer
 from rosbags.rosbag1 import Writer as Rosbag1Writer
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
-from tablemap.errors import RecordingError
+from tablemap.config import LimitsConfig
+from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.recording import inspect, open_recording
+from tablemap.recording.bags.bag import Bag
 from tests.making import messages as w
 from tests.making.drives import Keep, check_drive, copy_to_bag, copy_to_bag2, seconds
 
@@ -229,3 +234,139 @@ def test_idl_schemas_as_rosbag2_joins_them(tmp_path: Path) -> None:
         assert recording.roles.laser is not None
         assert recording.roles.laser.channels[0].schema_encoding == "ros2idl"
         check_drive(recording)
+
+
+def test_chunk_of_a_bag_that_unpacks_to_too_much_is_left_out(tmp_path: Path) -> None:
+    """The rest is read, and the sentence names the limit; the file's own size is allowed."""
+    path = tmp_path / "drive.bag"
+    for compression in (Format.BZ2, Format.LZ4, None):
+        path.unlink(missing_ok=True)
+        writer = Rosbag1Writer(path)
+        if compression is not None:
+            writer.set_compression(compression)
+        with writer:
+            topic = writer.add_connection("/it", "std_msgs/msg/String", typestore=w.ROS1)
+            writer.write(topic, 1, bytes(3 * 2**20))
+            writer.write(topic, 2, b"x")
+        for limits, said in (
+            (LimitsConfig(chunk_mib=1), "over limits.chunk_mib = 1"),
+            (
+                LimitsConfig(chunk_mib=4, unpacked_mib=1, expansion=1),
+                "over limits.unpacked_mib = 1",
+            ),
+        ):
+            warnings: list[ProcessWarning] = []
+            bag = Bag(path, ros1=True, warnings=warnings, limits=limits)
+            found = [message.log_time_ns for message in bag.messages(bag.channels)]
+            bag.close()
+            if compression is None and limits.chunk_mib == 4:  # no more than the file holds
+                assert (found, warnings) == ([1, 2], [])
+                continue
+            assert found == ([2] if limits.chunk_mib == 1 else [])
+            assert said in warnings[0].message
+
+
+@pytest.mark.parametrize("times", [1, 100])
+def test_bag_that_names_a_chunk_again_is_refused(tmp_path: Path, times: int) -> None:
+    """Its index would be read as often as it is named."""
+    path = tmp_path / "drive.bag"
+    copy_to_bag(drive(tmp_path, version=1), path)
+    data = bytearray(path.read_bytes())
+    at = data.index(b"chunk_count=") + len(b"chunk_count=")
+    (chunks,) = struct.unpack_from("<I", data, at)
+    struct.pack_into("<I", data, at, chunks + times)
+    last = data.rindex(b"chunk_pos=")
+    begin = data.rindex(b"op=\x06", 0, last) if b"op=\x06" in data[:last] else last
+    record = data[data.rindex(struct.pack("<I", _header_bytes(data, begin)), 0, begin) :]
+    path.write_bytes(bytes(data + record * times))
+    with pytest.raises(RecordingError, match="names one chunk twice"):
+        open_recording(path)
+
+
+def _header_bytes(data: bytearray, within: int) -> int:
+    """Return the length of the record's header that a place is in."""
+    for begin in range(within - 4, 0, -1):
+        (length,) = struct.unpack_from("<I", data, begin)
+        (field,) = struct.unpack_from("<I", data, begin + 4)
+        if 50 < length < 200 and field < length and b"=" in data[begin + 8 : begin + 8 + field]:
+            return int(length)
+    raise AssertionError
+
+
+DATABASES = {
+    "views": """
+        ALTER TABLE messages RENAME TO other;
+        CREATE VIEW messages AS SELECT * FROM other;
+    """,
+    "cells that are not stored": """
+        ALTER TABLE messages RENAME TO other;
+        CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER,
+            data BLOB GENERATED ALWAYS AS (zeroblob(900000000)) VIRTUAL);
+        INSERT INTO messages SELECT id, topic_id, timestamp FROM other;
+    """,
+    "merged profiles": "UPDATE topics SET offered_qos_profiles = '- &a {b: 1}\n- {<<: [*a, *a]}'",
+    "profiles without end": "UPDATE topics SET offered_qos_profiles = zeroblob(5000000)",
+    "profiles of brackets": "UPDATE topics SET offered_qos_profiles ="
+    " replace(hex(zeroblob(50000)), '0', '[')",
+    "topics without a name": "UPDATE topics SET name = x'ff'",
+    "topics without a type": "UPDATE topics SET type = x'07'",
+    "times that are words": "UPDATE messages SET timestamp = 'noon'",
+    "times before all": "UPDATE messages SET timestamp = -timestamp",
+    "times after all": "UPDATE messages SET timestamp = 9e99",
+    "no tables": "DROP TABLE messages",
+}
+
+
+@pytest.mark.parametrize("name", DATABASES)
+def test_database_that_is_not_what_it_seems_is_refused(tmp_path: Path, name: str) -> None:
+    """In a sentence, before any of it is unfolded."""
+    file = copy_to_bag2(drive(tmp_path), tmp_path / "bag", storage=StoragePlugin.SQLITE3)
+    with contextlib.closing(sqlite3.connect(file)) as database:
+        database.executescript(DATABASES[name])
+    with pytest.raises(RecordingError, match="database of the bag cannot be read"):
+        open_recording(file)
+
+
+def test_message_of_a_database_that_is_no_bytes_is_left_out(tmp_path: Path) -> None:
+    """SQLite holds anything anywhere; the loss is said."""
+    file = copy_to_bag2(drive(tmp_path), tmp_path / "bag", storage=StoragePlugin.SQLITE3)
+    with contextlib.closing(sqlite3.connect(file)) as database:
+        database.execute(
+            "UPDATE messages SET data = 'text' WHERE id = (SELECT max(id) FROM messages)"
+        )
+        database.commit()
+    with open_recording(file) as recording:
+        list(recording.depth_frames())
+        list(recording.scans())
+        assert {warning.code for warning in recording.warnings} == {"recording.damaged"}
+
+
+PAIRS = list(itertools.pairwise("abcdefghijk"))
+HOSTILE_YAML = {
+    "laughs": "a: &a [x,x,x,x,x,x,x,x,x]\n"
+    + "".join(f"{b}: &{b} [{','.join(['*' + a] * 9)}]\n" for a, b in PAIRS)
+    + "rosbag2_bagfile_information: {relative_file_paths: *k}\n",
+    "merges": "a: &a {x: 1}\n"
+    + "".join(f"{b}: &{b} {{<<: [{','.join(['*' + a] * 9)}]}}\n" for a, b in PAIRS),
+    "brackets": "[" * 100_000,
+    "depth": "".join(" " * n + "a:\n" for n in range(1500)),
+    "itself": "&a [*a]",
+    "a long number": "rosbag2_bagfile_information: {relative_file_paths: {" + "9" * 500 + ": 1}}",
+    "no list": "rosbag2_bagfile_information: {relative_file_paths: 7}",
+    "no date": "rosbag2_bagfile_information: 2001-99-99",
+    "a class": "!!python/object/apply:os.system [exit]",
+    "names without number": "rosbag2_bagfile_information:\n  relative_file_paths:\n"
+    + "".join(f"  - f{n}\n" for n in range(20_000)),
+    "no letters": "\x00\ud7ff",
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE_YAML)
+def test_metadata_that_cannot_be_is_done_without(tmp_path: Path, name: str) -> None:
+    """The folder's one file is read, and the loss is said."""
+    copy_to_bag2(drive(tmp_path), tmp_path / "bag")
+    (tmp_path / "bag" / "metadata.yaml").write_text(HOSTILE_YAML[name], encoding="utf-8")
+    assert set(codes(tmp_path / "bag")) <= {"recording.damaged", "recording.truncated"}
+    with open_recording(tmp_path / "bag") as recording:
+        assert len(recording.depth_stamps()) == w.IMAGES
+        assert recording.warnings
