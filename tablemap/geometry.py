@@ -103,6 +103,12 @@ class Pose2:
         )
 
 
+def planar(matrices: Floats) -> Floats:
+    """Project (n, 4, 4) poses onto the ground: (n, 3) x, y and the heading of the x axis."""
+    yaw = np.arctan2(matrices[:, 1, 0], matrices[:, 0, 0])
+    return np.column_stack([matrices[:, 0, 3], matrices[:, 1, 3], yaw])
+
+
 def compose(first: Floats, then: Floats) -> Floats:
     """Return (n, 3) poses x, y, yaw: a pose (3,), or poses (n, 3), followed by others (n, 3).
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tablemap.geometry import Floats, Pose2
+from tablemap.geometry import Floats, Ints, Pose2
 from tablemap.inputs import Input
 from tablemap.recording import FrameNames, Recording
 from tablemap.recording.messages import Image, LaserScan
@@ -111,9 +111,13 @@ class FakeRecording(Recording):
         self.all = scans
         self.start_ns, self.end_ns = 0, 0
 
-    def scans(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[LaserScan]:
-        """Yield what was given."""
-        yield from self.all
+    def scan_stamps(self) -> Ints:
+        """Return the stamps of what was given."""
+        return np.array([scan.stamp_ns for scan in self.all], dtype=np.int64)
+
+    def scans(self, *, stamps_ns: Ints) -> Iterator[LaserScan]:
+        """Yield what was given, at these stamps."""
+        yield from (scan for scan in self.all if scan.stamp_ns in stamps_ns)
 
     def base_from_laser(self, stamp_ns: int) -> Floats:
         """Return the HSR's mount."""

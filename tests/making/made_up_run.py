@@ -144,10 +144,22 @@ class MadeUpRecording(Recording):
             shot = snapshot(self, i)
             yield DepthFrame(shot.stamp_ns, shot.depth, k, shot.depth_message, base_from_camera())
 
-    def scans(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[LaserScan]:
+    def scan_stamps(self) -> Ints:
+        """See `Recording`."""
+        return np.array([self.stamp(i) for i in range(self.stops)], dtype=np.int64)
+
+    def scans(
+        self,
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+        *,
+        stamps_ns: Ints | None = None,
+    ) -> Iterator[LaserScan]:
         """See `Recording`."""
         for i in range(self.stops):
             stamp = self.stamp(i)
+            if stamps_ns is not None and stamp not in stamps_ns:
+                continue
             if (start_ns is None or stamp >= start_ns) and (end_ns is None or stamp <= end_ns):
                 yield scan(true_pose(i, self.stops), stamp)
 

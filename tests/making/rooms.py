@@ -163,13 +163,23 @@ class Drive:
         """Return the HSR's mounting."""
         return BASE_FROM_LASER
 
-    def scans(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[LaserScan]:
+    def scan_stamps(self) -> Ints:
+        """Return the stamps of the scans."""
+        return self.stamps if self.laser else self.stamps[:0]
+
+    def scans(
+        self,
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+        *,
+        stamps_ns: Ints | None = None,
+    ) -> Iterator[LaserScan]:
         """Cast the HSR's 721 beams from the moving base, noise by stamp so that it repeats."""
         if not self.laser:
             return
         increment = 4.2 / 720
         bearing = -2.1 + increment * np.arange(721)
-        for stamp in self.stamps:
+        for stamp in self.stamps if stamps_ns is None else np.intersect1d(self.stamps, stamps_ns):
             if (start_ns is not None and stamp < start_ns) or (
                 end_ns is not None and stamp > end_ns
             ):

@@ -91,6 +91,7 @@ class TransformTree:
         self.edges: dict[str, list[TransformEdge]] = {}
         for edge in edges:
             self.edges.setdefault(edge.child, []).append(edge)
+        self._ways: dict[tuple[str, str], tuple[list[TransformEdge], list[TransformEdge]]] = {}
 
     def with_edges(self, edges: Iterable[TransformEdge]) -> TransformTree:
         """Return a tree of other edges, with the limits of this one."""
@@ -153,6 +154,11 @@ class TransformTree:
 
         Raises `RecordingError` if the frames are not in one tree.
         """
+        if (target, source) not in self._ways:
+            self._ways[target, source] = self._way(target, source)
+        return self._ways[target, source]
+
+    def _way(self, target: str, source: str) -> tuple[list[TransformEdge], list[TransformEdge]]:
         for frame in (target, source):
             if frame not in self.frames:
                 raise RecordingError(

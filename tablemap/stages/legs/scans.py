@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,34 +60,37 @@ def gather_scans(
     config: LegsConfig,
     range_noise: float,
 ) -> Scans | None:
-    """Stream the scans, combine those of a stop, and thin those of the drives; None without scans.
+    """Combine the scans of each stop, and take some of the drives; None without scans.
 
-    Memory is bounded, whatever the recording's length: at most ``config.stop_scans`` a stop and
-    ``config.moving_scans`` of all drives are kept. ``stop_poses`` are the poses of the used
-    snapshots by index, ``centre`` (2,) is the table's in the map, ``range_noise`` (metres) is that
-    of one beam.
+    Only the scans that are used are decoded. Memory is bounded, whatever the recording's length: at
+    most ``config.stop_scans`` a stop and ``config.moving_scans`` of all drives are used.
+    ``stop_poses`` are the poses of the used snapshots by index, ``centre`` (2,) is the table's in
+    the map, ``range_noise`` (metres) is that of one beam.
     """
     if recording.names.laser is None:
         return None
     stops = sorted((snapshots[i].start_ns, snapshots[i].end_ns, i) for i in stop_poses)
-    starts = np.array([start for start, _, _ in stops], dtype=np.int64)
     gathered: dict[int, _Stop] = {index: _Stop() for _, _, index in stops}
-    drives = _Drives(config.moving_scans)
     trajectory = registration.trajectory
-    span = (-1, -2)
-    if len(trajectory.stamps_ns):
-        span = (int(trajectory.stamps_ns[0]), int(trajectory.stamps_ns[-1]))
-    path = _Path(trajectory)
-    for scan in recording.scans():
+    stamps_ns = recording.scan_stamps()
+    before = np.searchsorted([start for start, _, _ in stops], stamps_ns, side="right")
+    ends = np.array([0, *(end for _, end, _ in stops)], dtype=np.int64)
+    standing = (before > 0) & (stamps_ns <= ends[before])
+    owner: dict[int, int] = {}
+    for number, (_, _, index) in enumerate(stops, start=1):
+        its = stamps_ns[standing & (before == number)]
+        owner |= dict.fromkeys(_thinned(its, config.stop_scans).tolist(), index)
+    moving = _of_drives(stamps_ns[~standing], trajectory, centre, config.moving_scans)
+    drive_of = dict(zip(stamps_ns.tolist(), before.tolist(), strict=True))
+    drives: list[tuple[LaserScan, Pose2, int]] = []
+    due = np.union1d(np.array([*owner], dtype=np.int64), moving)
+    for scan in recording.scans(stamps_ns=due):
         if len(scan.ranges) < 3:
             continue
-        before = int(np.searchsorted(starts, scan.stamp_ns, side="right"))
-        if before and scan.stamp_ns <= stops[before - 1][1]:
-            gathered[stops[before - 1][2]].add(scan, config.stop_scans)
-        elif span[0] <= scan.stamp_ns <= span[1]:
-            rough = path.at(scan.stamp_ns)
-            if np.hypot(*(rough[:2] - centre)) <= _FARTHEST and drives.moved(rough):
-                drives.add(scan, trajectory.at(scan.stamp_ns), before)
+        if scan.stamp_ns in owner:
+            gathered[owner[scan.stamp_ns]].add(scan)
+        else:
+            drives.append((scan, trajectory.at(scan.stamp_ns), drive_of[scan.stamp_ns]))
     rows: list[_Row] = []
     group_stops: list[int] = []
     height = 0.0
@@ -99,9 +103,9 @@ def gather_scans(
         pose = stop_poses[index]
         rows.append(_placed(stop.first, ranges, mount, pose, pose, True, len(group_stops), noise))
         group_stops.append(index)
-    for drive in sorted({before for _, _, before in drives.kept}):
-        for scan, pose, before in drives.kept:
-            if before == drive:
+    for drive in sorted({number for _, _, number in drives}):
+        for scan, pose, number in drives:
+            if number == drive:
                 mount = recording.base_from_laser(scan.stamp_ns)
                 height = float(mount[2, 3])
                 seconds = scan.time_increment * (len(scan.ranges) - 1)
@@ -125,25 +129,17 @@ class _Row:
 
 
 class _Stop:
-    """The ranges of one stop's scans, thinned on arrival to a bounded number."""
+    """The ranges of one stop's scans."""
 
     def __init__(self) -> None:
         self.first: LaserScan | None = None
         self.ranges: list[Floats] = []
-        self.stride = 1
-        self.seen = 0
 
-    def add(self, scan: LaserScan, bound: int) -> None:
+    def add(self, scan: LaserScan) -> None:
         if self.first is None:
             self.first = scan
-        elif len(scan.ranges) != len(self.first.ranges):
-            return
-        if self.seen % self.stride == 0:
+        if len(scan.ranges) == len(self.first.ranges):
             self.ranges.append(_cleaned(scan))
-            if len(self.ranges) > bound:
-                self.ranges = self.ranges[::2]
-                self.stride *= 2
-        self.seen += 1
 
     def combined(self, noise: float) -> tuple[Floats, float]:
         """Return the beams' ranges, inf where most scans lost them, and the ranges' noise."""
@@ -154,50 +150,48 @@ class _Stop:
         return ranges, noise / float(np.sqrt(len(stack)))
 
 
-class _Path:
-    """A trajectory for quick looks: places and unwrapped yaws, interpolated linearly."""
-
-    def __init__(self, trajectory: Trajectory) -> None:
-        self.stamps = trajectory.stamps_ns
-        self.values = trajectory.poses.copy()
-        self.values[:, 2] = np.unwrap(self.values[:, 2])
-
-    def at(self, stamp_ns: int) -> Floats:
-        """Return (3,) x, y, yaw within the trajectory's span."""
-        i = int(np.clip(np.searchsorted(self.stamps, stamp_ns), 1, max(len(self.stamps) - 1, 1)))
-        if len(self.stamps) == 1:
-            return np.asarray(self.values[0])
-        span = max(int(self.stamps[i]) - int(self.stamps[i - 1]), 1)
-        fraction = (stamp_ns - int(self.stamps[i - 1])) / span
-        return np.asarray((1 - fraction) * self.values[i - 1] + fraction * self.values[i])
+def _thinned(stamps_ns: Ints, most: int) -> Ints:
+    """Return at most ``most`` stamps: all, every second, every fourth, and so on."""
+    every = 1
+    while -(-len(stamps_ns) // every) > most:
+        every *= 2
+    return stamps_ns[::every]
 
 
-class _Drives:
-    """Scans taken in motion, thinned on arrival to a bounded number."""
-
-    def __init__(self, bound: int) -> None:
-        self.kept: list[tuple[LaserScan, Pose2, int]] = []
-        self.step = _MOVING_STEP
-        self.bound = bound
-        self.last: Floats | None = None
-
-    def moved(self, pose: Floats) -> bool:
-        """Tell whether ``pose`` (3,) is a step from the last kept pose; if so, keep it."""
-        if self.bound == 0:
-            return False
-        if self.last is not None:
-            moved = pose - self.last
+def _of_drives(stamps_ns: Ints, trajectory: Trajectory, centre: Floats, most: int) -> Ints:
+    """Return at most ``most`` stamps near the table, a step of the base apart, evenly spread."""
+    known = trajectory.stamps_ns
+    if most == 0 or not len(known):
+        return stamps_ns[:0]
+    stamps_ns = stamps_ns[(stamps_ns >= known[0]) & (stamps_ns <= known[-1])]
+    poses = _roughly_at(trajectory, stamps_ns)
+    near = np.hypot(poses[:, 0] - centre[0], poses[:, 1] - centre[1]) <= _FARTHEST
+    kept: list[int] = []
+    step, last = _MOVING_STEP, None
+    for stamp, pose in zip(stamps_ns[near].tolist(), poses[near].tolist(), strict=True):
+        if last is not None:
+            x, y, yaw = pose[0] - last[0], pose[1] - last[1], pose[2] - last[2]
             # A turn, too, shifts the beams against the legs: a radian counts as 25 cm.
-            if np.hypot(moved[0], moved[1]) + 0.25 * abs(moved[2]) < self.step:
-                return False
-        self.last = pose
-        return True
+            if math.hypot(x, y) + 0.25 * abs(yaw) < step:
+                continue
+        last = pose
+        kept.append(stamp)
+        if len(kept) > most:
+            kept, step = kept[::2], 2 * step
+    return np.array(kept, dtype=np.int64)
 
-    def add(self, scan: LaserScan, pose: Pose2, drive: int) -> None:
-        self.kept.append((scan, pose, drive))
-        if len(self.kept) > self.bound:
-            self.kept = self.kept[::2]
-            self.step *= 2
+
+def _roughly_at(trajectory: Trajectory, stamps_ns: Ints) -> Floats:
+    """Return (n, 3) x, y and unwrapped yaw at stamps within the trajectory's span."""
+    known = trajectory.stamps_ns
+    poses = trajectory.poses.copy()
+    poses[:, 2] = np.unwrap(poses[:, 2])
+    if len(known) == 1:
+        return np.repeat(poses, len(stamps_ns), axis=0)
+    after = np.clip(np.searchsorted(known, stamps_ns), 1, len(known) - 1)
+    span = np.maximum(known[after] - known[after - 1], 1)
+    fraction = ((stamps_ns - known[after - 1]) / span)[:, None]
+    return np.asarray((1 - fraction) * poses[after - 1] + fraction * poses[after])
 
 
 def _cleaned(scan: LaserScan) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,10 +13,11 @@ from tablemap.errors import ProcessWarning
 from tablemap.events import Record
 from tablemap.geometry import Floats, Pose2
 from tablemap.recording import Recording
+from tablemap.stages.odometry.choosing import chosen_scans, is_jump
 from tablemap.stages.odometry.constraint import constrained, held_share
-from tablemap.stages.odometry.recorded import has_wheels
+from tablemap.stages.odometry.recorded import RecordedPoses, has_wheels
 from tablemap.stages.odometry.result import OdometryMap, OdometryScan
-from tablemap.stages.odometry.sweep import points_in_base, sweep_motion
+from tablemap.stages.odometry.sweep import points_in_base, sweep_motion, sweep_window
 from tablemap.stages.odometry.trajectory import Trajectory
 
 EVENT_POINTS = 360
@@ -24,7 +26,6 @@ EVENT_POINTS = 360
 EVENT_MAPS = 30
 """States of KISS-ICP's map that are recorded for the review, spread over the drive."""
 
-_STANDING_EVERY = 8  # one of so many scans of a standing base is used: they are all alike
 _LEAST_POINTS = 30
 
 
@@ -50,12 +51,18 @@ def place_scans(
 ) -> PlacedScans | None:
     """Register the scans of the moving base, one after the other; None without a usable scan."""
     on_wheels = has_wheels(recording)
-    recorded = recording.odom_from_base if on_wheels else recording.fixed_from_base
-
-    def base_at(stamp_ns: int) -> Pose2 | None:
-        matrix = recorded(stamp_ns)
-        return None if matrix is None else Pose2.projected(matrix)
-
+    recorded = RecordedPoses(recording.odom_from_bases if on_wheels else recording.fixed_from_bases)
+    stamps_ns = recording.scan_stamps()
+    priors = recorded.prepared(stamps_ns)
+    due = chosen_scans(
+        stamps_ns,
+        priors.poses,
+        priors.known,
+        recording.fixed_from_bases(stamps_ns)[1],
+        config=config,
+        sensors=sensors,
+        on_wheels=on_wheels,
+    )
     threshold = config.threshold if on_wheels else config.threshold_without_wheels
     kiss = _make_kiss(config, sensors.laser_maximum_range_odometry, threshold)
     start: Pose2 | None = None
@@ -65,30 +72,23 @@ def place_scans(
     stamps: list[int] = []
     poses: list[Floats] = []
     left_open: list[Floats] = []
-    skipped = standing = kept_prior = 0
+    kept_prior = 0
+    sweep: tuple[int, int] | None = None
     between_maps_ns = (recording.end_ns - recording.start_ns) // EVENT_MAPS
     last_map_ns: int | None = None
-    for scan in recording.scans():
-        prior = base_at(scan.stamp_ns)
+    for scan in recording.scans(stamps_ns=due):
+        prior = recorded.at(scan.stamp_ns)
         fixed = recording.fixed_from_base(scan.stamp_ns) if start is None else None
         if prior is None or (start is None and fixed is None):
-            skipped += 1
             continue
         delta = Pose2()
         if stamps:
-            if scan.stamp_ns <= last_ns:
-                skipped += 1
-                continue
             delta = last_prior.inverse() @ prior
-            seconds = (scan.stamp_ns - last_ns) * 1e-9
-            if not on_wheels and _is_jump(delta, seconds, sensors):
+            if not on_wheels and _is_jump(delta, (scan.stamp_ns - last_ns) * 1e-9, sensors):
                 delta = last_delta
-            if not _moved(delta, config):
-                standing += 1
-                if standing % _STANDING_EVERY:
-                    skipped += 1
-                    continue
-        motion, _ = sweep_motion(scan, base_at)
+        if sweep is None and (sweep := sweep_window(scan)) is not None:
+            recorded.prepared(np.concatenate([due + offset for offset in sweep]))
+        motion, _ = sweep_motion(scan, recorded.at)
         sweep_seconds = scan.time_increment * len(scan.ranges)
         if motion is not None and _is_jump(motion, sweep_seconds, sensors):
             motion = None
@@ -101,7 +101,6 @@ def place_scans(
         )
         frame = points[valid]
         if len(frame) < _LEAST_POINTS:
-            skipped += 1
             continue
         if start is None:
             assert fixed is not None
@@ -142,7 +141,7 @@ def place_scans(
     if last_map_ns != stamps[-1]:
         record(OdometryMap(stamps[-1], start.apply(kiss.local_map.point_cloud()[:, :2])))
     trajectory = Trajectory(np.array(stamps, dtype=np.int64), np.array(poses))
-    return PlacedScans(trajectory, skipped, np.array(left_open))
+    return PlacedScans(trajectory, len(stamps_ns) - len(stamps), np.array(left_open))
 
 
 def _make_kiss(config: OdometryConfig, maximum_range: float, threshold: float) -> Any:
@@ -179,14 +178,5 @@ def _register(kiss: Any, frame: Floats, last: Pose2, delta: Pose2) -> Pose2:
     return Pose2.projected(np.asarray(kiss.last_pose))
 
 
-def _moved(delta: Pose2, config: OdometryConfig) -> bool:
-    far = bool(np.hypot(delta.x, delta.y) > config.moved)
-    return far or bool(np.degrees(abs(delta.yaw)) > config.turned_deg)
-
-
 def _is_jump(delta: Pose2, seconds: float, sensors: SensorsConfig) -> bool:
-    # Two centimetres and half a degree: a localisation may jitter by so much between two scans.
-    far = np.hypot(delta.x, delta.y) > sensors.localisation_jump_speed * seconds + 0.02
-    fastest = sensors.localisation_jump_turn_deg_odometry
-    turned = np.degrees(abs(delta.yaw)) > fastest * seconds + 0.5
-    return bool(far or turned)
+    return is_jump(math.hypot(delta.x, delta.y), abs(delta.yaw), seconds, sensors)

@@ -106,8 +106,7 @@ def _disagreeing(trajectory: Trajectory, wheels: Trajectory) -> list[ProcessWarn
     """Warn if the wheels end up metres from the laser, both begun at one pose."""
     stamps = trajectory.stamps_ns
     stamps = stamps[(stamps >= wheels.stamps_ns[0]) & (stamps <= wheels.stamps_ns[-1])]
-    rolled = np.array([wheels.at(int(stamp)).as_array() for stamp in stamps])
-    seen = np.array([trajectory.at(int(stamp)).as_array() for stamp in stamps])
+    rolled, seen = wheels.at_all(stamps), trajectory.at_all(stamps)
     rolled = composed(seen[0], composed(undone(rolled[0]), rolled))
     apart = np.linalg.norm((rolled - seen)[:, :2], axis=1)
     most, way = int(np.argmax(apart)), float(trajectory.way()[-1])

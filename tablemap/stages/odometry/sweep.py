@@ -54,18 +54,34 @@ def sweep_motion(
 
     If the driver leaves ``time_increment`` at zero, the duration is zero.
     """
-    duration = float(scan.time_increment) * max(len(scan.ranges) - 1, 0)
-    if not 0.0 < duration < 1.0:
+    window = sweep_window(scan)
+    if window is None:
         return None, 0.0
-    # The recorded poses lie further apart in time than a sweep: a longer interval is more stable.
-    span = max(duration, 0.1)
-    before = base_at(scan.stamp_ns + round((duration - span) / 2 * 1e9))
-    after = base_at(scan.stamp_ns + round((duration + span) / 2 * 1e9))
+    duration = _duration(scan)
+    before, after = (base_at(scan.stamp_ns + offset) for offset in window)
     if before is None or after is None:
         return None, duration
     step = before.inverse() @ after
-    share = duration / span
+    share = duration / _span(duration)
     return Pose2(step.x * share, step.y * share, step.yaw * share), duration
+
+
+def sweep_window(scan: LaserScan) -> tuple[int, int] | None:
+    """Return the nanoseconds from a scan's stamp to where its motion is measured; None without."""
+    duration = _duration(scan)
+    if not 0.0 < duration < 1.0:
+        return None
+    span = _span(duration)
+    return round((duration - span) / 2 * 1e9), round((duration + span) / 2 * 1e9)
+
+
+def _duration(scan: LaserScan) -> float:
+    return float(scan.time_increment) * max(len(scan.ranges) - 1, 0)
+
+
+def _span(duration: float) -> float:
+    # The recorded poses lie further apart in time than a sweep: a longer interval is more stable.
+    return max(duration, 0.1)
 
 
 @dataclass(frozen=True, eq=False)

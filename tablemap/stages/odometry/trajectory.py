@@ -35,6 +35,19 @@ class Trajectory:
             float(place[0]), float(place[1]), (first @ Pose2(0, 0, fraction * step.yaw)).yaw
         )
 
+    def at_all(self, stamps_ns: Ints) -> Floats:
+        """Interpolate at (n,) stamps as `at` does; return (n, 3)."""
+        if len(self.stamps_ns) == 1:
+            return np.repeat(self.poses, len(stamps_ns), axis=0)
+        after = np.clip(np.searchsorted(self.stamps_ns, stamps_ns), 1, len(self.stamps_ns) - 1)
+        first, second = self.poses[after - 1], self.poses[after]
+        span = np.maximum(self.stamps_ns[after] - self.stamps_ns[after - 1], 1)
+        fraction = np.clip((stamps_ns - self.stamps_ns[after - 1]) / span, 0.0, 1.0)[:, None]
+        poses = (1 - fraction) * first + fraction * second
+        turn = fraction[:, 0] * wrap_angles(second[:, 2] - first[:, 2])
+        poses[:, 2] = wrap_angles(first[:, 2] + turn)
+        return np.asarray(poses, dtype=np.float64)
+
     @staticmethod
     def of(timed: Sequence[tuple[int, Pose2]]) -> Trajectory:
         """Make a trajectory of stamps and poses in their order."""

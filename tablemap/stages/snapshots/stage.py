@@ -88,7 +88,7 @@ def find_viewpoints(
 
 def _with_pose(recording: Recording, stamps: Ints) -> tuple[Ints, list[SetAside]]:
     """Return the stamps with a localised pose, and a note for each stamp without one."""
-    known = np.array([recording.fixed_from_base(int(s)) is not None for s in stamps], dtype=bool)
+    known = recording.fixed_from_bases(stamps)[1]
     names = recording.names
     if not known.any():
         poses = recording.pose_stamps()

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from tablemap.config import SensorsConfig, SnapshotsConfig
-from tablemap.geometry import Floats, Ints, Pose2, wrap_angles
+from tablemap.geometry import Bools, Floats, Ints, Pose2, planar, wrap_angles
 from tablemap.recording import Recording
 
 SECOND_NS = 1_000_000_000
@@ -40,16 +40,16 @@ def sample_motion(recording: Recording, depth_stamps: Ints) -> BaseMotion:
     step = max(SECOND_NS // 10, (end - start) // 6000)
     grid = np.arange(start, end + 1, step, dtype=np.int64)
     stamps = np.union1d(grid, depth_stamps[:: max(1, len(depth_stamps) // 6000)])
-    lookups: tuple[tuple[_Source, Callable[[int], Floats | None]], ...] = (
-        ("wheels", recording.odom_from_base),
-        ("localisation", recording.fixed_from_base),
+    lookups: tuple[tuple[_Source, Callable[[Ints], tuple[Floats, Bools]]], ...] = (
+        ("wheels", recording.odom_from_bases),
+        ("localisation", recording.fixed_from_bases),
     )
     for source, lookup in lookups:
-        found = [(int(s), pose) for s in stamps if (pose := lookup(int(s))) is not None]
-        if len(found) >= 2 or (found and source == "localisation"):
-            poses = np.array([Pose2.projected(pose).as_array() for _, pose in found])
+        matrices, known = lookup(stamps)
+        if known.sum() >= 2 or (known.any() and source == "localisation"):
+            poses = planar(matrices[known])
             poses[:, 2] = np.unwrap(poses[:, 2])
-            return BaseMotion(np.array([s for s, _ in found], dtype=np.int64), poses, source)
+            return BaseMotion(stamps[known], poses, source)
     return BaseMotion(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), "none")
 
 

@@ -123,9 +123,9 @@ def test_the_wheels_bridge_what_the_laser_did_not_see(
     class Silent(Drive):
         """The drive, its laser silent from between two stops to between two others."""
 
-        def scans(self, start_ns: int | None = None, end_ns: int | None = None):  # type: ignore[no-untyped-def]
+        def scans(self, *span, **due):  # type: ignore[no-untyped-def]
             """Yield the scans outside of the gap."""
-            for scan in super().scans(start_ns, end_ns):
+            for scan in super().scans(*span, **due):
                 if not first < scan.stamp_ns < last:
                     yield scan
 
@@ -154,9 +154,9 @@ def test_the_wheels_go_on_after_the_last_scan(lap: tuple[Drive, Odometry, list[o
     class Late(Drive):
         """The drive, its laser switched on after the second stop."""
 
-        def scans(self, start_ns: int | None = None, end_ns: int | None = None):  # type: ignore[no-untyped-def]
+        def scans(self, *span, **due):  # type: ignore[no-untyped-def]
             """Yield the scans of the later stops."""
-            for scan in super().scans(start_ns, end_ns):
+            for scan in super().scans(*span, **due):
                 if scan.stamp_ns > drive.stop_stamps[2]:
                     yield scan
 

@@ -35,10 +35,10 @@ class Gap:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._recording, name)
 
-    def scans(self, *span: int) -> Any:
+    def scans(self, *span: int, **due: Any) -> Any:
         """Yield what lies outside of the gap."""
         first, last = self._silent
-        return (s for s in self._recording.scans(*span) if not first < s.stamp_ns < last)
+        return (s for s in self._recording.scans(*span, **due) if not first < s.stamp_ns < last)
 
 
 @pytest.fixture(scope="module")

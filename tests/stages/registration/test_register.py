@@ -123,8 +123,8 @@ def test_a_stop_in_another_room_is_not_used() -> None:
     class Switched(Drive):
         """The drive, with the last stop's scans from another room."""
 
-        def scans(self, start_ns: int | None = None, end_ns: int | None = None):  # type: ignore[no-untyped-def]
-            for scan in super().scans(start_ns, end_ns):
+        def scans(self, *span, **due):  # type: ignore[no-untyped-def]
+            for scan in super().scans(*span, **due):
                 inside = first <= scan.stamp_ns <= last
                 yield next(elsewhere.scans(scan.stamp_ns, scan.stamp_ns)) if inside else scan
 

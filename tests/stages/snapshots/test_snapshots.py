@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 
@@ -25,6 +25,13 @@ CONFIG = SnapshotsConfig()
 SENSORS = SensorsConfig()
 SECOND = 1_000_000_000
 K = np.array([[CAMERA.fx, 0, CAMERA.cx], [0, CAMERA.fy, CAMERA.cy], [0, 0, 1.0]])
+
+
+def each(pose_at: Callable[[int], Floats | None], stamps_ns: ArrayLike) -> tuple[Floats, Bools]:
+    """Return the poses (n, 4, 4) at stamps (n,), and which of them are known."""
+    poses = [pose_at(int(stamp)) for stamp in np.asarray(stamps_ns)]
+    known = np.array([pose is not None for pose in poses], dtype=bool)
+    return np.array([np.eye(4) if p is None else p for p in poses]).reshape(-1, 4, 4), known
 
 
 class Drive(Recording):
@@ -99,6 +106,14 @@ class Drive(Recording):
     ) -> dict[int, Image | CompressedImage]:
         """Return a colour image for each."""
         return {int(s): replace(MESSAGE, stamp_ns=int(s)) for s in stamps_ns}
+
+    def fixed_from_bases(self, stamps_ns: ArrayLike) -> tuple[Floats, Bools]:
+        """Return the localised poses, and which are known."""
+        return each(self.fixed_from_base, stamps_ns)
+
+    def odom_from_bases(self, stamps_ns: ArrayLike) -> tuple[Floats, Bools]:
+        """Return the wheels' poses, and which are known."""
+        return each(self.odom_from_base, stamps_ns)
 
     def fixed_from_base(self, stamp_ns: int) -> Floats | None:
         """Return the localised pose."""
