@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import re
 import unicodedata
+from collections.abc import Iterable
 
 _LONGEST_NAME = 120  # bytes of a file's name, which most disks hold 255 of
 _NOT_TEXT = {"Cc", "Cf", "Cs", "Zl", "Zp", "Co", "Cn"}
@@ -45,6 +46,11 @@ def shown_lines(text: object) -> str:
 def count(number: int, thing: str, things: str | None = None) -> str:
     """Return a number with what it counts: ``1 view``, ``2 views``; ``things``: the plural."""
     return f"{number} {thing if number == 1 else things or thing + 's'}"
+
+
+def known_name(given: str, known: Iterable[str]) -> str:
+    """Return the known name that is the given one in any case; without one the given name."""
+    return next((name for name in known if name.lower() == given.lower()), given)
 
 
 def safe_name(name: str) -> str:

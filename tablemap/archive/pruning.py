@@ -12,7 +12,7 @@ from pathlib import Path
 from tablemap.archive.folder import LATEST, RunFolder, load_run
 from tablemap.archive.index import RunRow
 from tablemap.archive.manifest import LEAVE_A_MODEL
-from tablemap.archive.selection import started
+from tablemap.archive.selection import known_statuses, started
 from tablemap.errors import ConfigError, TablemapError
 from tablemap.files import is_folder, is_link
 from tablemap.paths import AnyPath, as_path
@@ -36,10 +36,13 @@ def to_prune(
     match only if ``status`` names this. A run without a date, or from the future, counts as new,
     and as none of the newest.
 
-    Raises `ConfigError` if no criterion is given, or ``keep`` is negative.
+    Raises `ConfigError` if no criterion is given, a status is unknown, or ``keep`` is negative.
     """
     if older_than is None and keep is None and not status:
-        raise ConfigError("say which runs may go: by age, by status, or all but the newest.")
+        raise ConfigError(
+            "say which runs may go: --older-than DAYS, --status STATUS, or all but --keep N."
+        )
+    statuses = known_statuses(status)
     if keep is not None and keep < 0:
         raise ConfigError(f"expected how many runs to keep, found {keep}.")
     by_recording: dict[str, list[RunRow]] = defaultdict(list)
@@ -55,9 +58,9 @@ def to_prune(
             begun = started(row)
             if row.path in held:
                 continue
-            if status and row.status not in status:
+            if statuses and row.status not in statuses:
                 continue
-            if not status and row.status == "damaged":
+            if not statuses and row.status == "damaged":
                 continue
             if older_than is not None and (begun is None or now - begun < older_than):
                 continue

@@ -6,7 +6,7 @@ import difflib
 import math
 import operator
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from fnmatch import fnmatchcase
@@ -14,9 +14,14 @@ from fnmatch import fnmatchcase
 from tablemap.archive.index import RunRow
 from tablemap.errors import ConfigError
 from tablemap.model.shapes import SHAPES
+from tablemap.words import known_name
 
 WORDS = ("recording", "run", "started", "status", "method", "shape", "verdict")
 """The columns of a row besides its figures."""
+STATUSES = ("running", "ok", "partial", "failed", "interrupted", "dead", "damaged")
+"""Those of a manifest and, of a run that no manifest calls so, ``dead`` and ``damaged``."""
+VERDICTS = ("good", "doubtful", "failed")
+"""Written out, as the statuses are, for a list needs neither manifests nor models."""
 OPERATORS: dict[str, Callable[[float, float], bool]] = {
     "<=": operator.le,
     ">=": operator.ge,
@@ -50,10 +55,12 @@ class Selection:
     def of(self, rows: Iterable[RunRow]) -> list[RunRow]:
         """Return the matching rows, sorted.
 
-        Raises `ConfigError` for a date or condition that cannot be read, or an unknown shape or
-        figure.
+        Raises `ConfigError` for a date or condition that cannot be read, or an unknown shape,
+        status, verdict or figure.
         """
-        _check_shapes(self.shape)
+        shapes = _known("shape", self.shape, SHAPES)
+        statuses = known_statuses(self.status)
+        verdicts = _known("verdict", self.verdict, VERDICTS)
         rows = list(rows)
         by_figure = self.where or self.sort.removeprefix("-") not in WORDS
         names = {name for row in rows for name in row.figures} if by_figure else set()
@@ -64,13 +71,18 @@ class Selection:
             row
             for row in rows
             if fnmatchcase(row.recording, self.recording)
-            and (not self.shape or row.shape in self.shape)
-            and (not self.status or row.status in self.status)
-            and (not self.verdict or row.verdict in self.verdict)
+            and (not shapes or row.shape in shapes)
+            and (not statuses or row.status in statuses)
+            and (not verdicts or row.verdict in verdicts)
             and ((since is None and until is None) or _within(row, since, until))
             and all(condition(row) for condition in conditions)
         ]
         return _sorted(kept, self.sort, names)
+
+
+def known_statuses(names: Collection[str]) -> set[str]:
+    """Return statuses, given in any case. Raises `ConfigError` for one that is not known."""
+    return _known("status", names, STATUSES)
 
 
 def started(row: RunRow) -> datetime | None:
@@ -114,10 +126,12 @@ def _condition(text: str, names: set[str]) -> Callable[[RunRow], bool]:
     return lambda row: name in row.figures and sign(row.figures[name], limit)
 
 
-def _check_shapes(names: Sequence[str]) -> None:
-    for name in names:
-        if name not in SHAPES:
-            raise ConfigError(f"expected one of the shapes {', '.join(SHAPES)}; found {name!r}.")
+def _known(what: str, names: Collection[str], known: Collection[str]) -> set[str]:
+    """Return names, given in any case. Raises `ConfigError` for one that is not known."""
+    found = {known_name(name, known) for name in names}
+    for name in found - set(known):
+        raise ConfigError(f"expected a {what} of {', '.join(known)}; found {name!r}.")
+    return found
 
 
 def _check_name(name: str, names: set[str]) -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from tablemap.cli import completing
 from tablemap.cli.options import ConfigFile, Json, Settings
 from tablemap.cli.printing import say, stderr_console
 
@@ -31,7 +32,11 @@ def evaluate(
     ] = None,
     suite: Annotated[
         str,
-        typer.Option("--suite", help="report, hard, real_sensors, all, or one scenario's name."),
+        typer.Option(
+            "--suite",
+            help="report, hard, real_sensors, all, or one scenario's name.",
+            autocompletion=completing.suites,
+        ),
     ] = "report",
     seeds: Annotated[int, typer.Option("--seeds", min=1, help="Seeds a scenario.")] = 3,
     first_seed: Annotated[int, typer.Option("--first-seed", min=0, help="The first seed.")] = 0,
@@ -39,7 +44,8 @@ def evaluate(
         bool, typer.Option("--nominal", help="Keep the scenarios' sizes; draw the rest.")
     ] = False,
     method: Annotated[
-        Literal["both", "tablemap", "report"], typer.Option("--method", help="Which to score.")
+        Literal["both", "tablemap", "report"],
+        typer.Option("--method", help="Which to score.", case_sensitive=False),
     ] = "both",
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Folder of the scores.", metavar="DIR")

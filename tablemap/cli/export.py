@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
+from tablemap.cli import completing
 from tablemap.cli.options import ConfigFile, Json
 from tablemap.cli.printing import complain, say
 
@@ -32,6 +33,7 @@ def export(
             "--to",
             help="One of the formats below; repeatable.",
             metavar="FORMAT",
+            autocompletion=completing.formats,
         ),
     ],
     output: Annotated[
@@ -50,7 +52,12 @@ def export(
     config: ConfigFile = None,
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", help="An export setting; repeatable.", metavar="EXPORT.KEY=VALUE"),
+        typer.Option(
+            "--set",
+            help="An export setting; repeatable.",
+            metavar="EXPORT.KEY=VALUE",
+            autocompletion=completing.settings(below="export."),
+        ),
     ] = None,
     as_json: Json = False,
 ) -> None:

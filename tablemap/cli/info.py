@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tablemap.cli import completing
 from tablemap.cli.options import End, Json, Start, window
 from tablemap.cli.printing import say
 from tablemap.words import shown
@@ -20,7 +21,12 @@ def info(
     recording: Annotated[str, typer.Argument(help="MCAP recording.", metavar="RECORDING")],
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", help="A topics setting; repeatable.", metavar="TOPICS.KEY=NAME"),
+        typer.Option(
+            "--set",
+            help="A topics setting; repeatable.",
+            metavar="TOPICS.KEY=NAME",
+            autocompletion=completing.settings(below="topics."),
+        ),
     ] = None,
     start: Start = None,
     end: End = None,

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from tablemap.cli import completing
+
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
 ConfigFile = Annotated[
     Path | None, typer.Option("--config", help="Settings in TOML.", metavar="FILE")
@@ -27,7 +29,12 @@ End = Annotated[
 ]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", help="One setting; repeatable.", metavar="SECTION.KEY=VALUE"),
+    typer.Option(
+        "--set",
+        help="One setting; repeatable.",
+        metavar="SECTION.KEY=VALUE",
+        autocompletion=completing.settings(),
+    ),
 ]
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from tablemap import words
+from tablemap.cli import completing
 from tablemap.cli.options import ConfigFile, End, Quiet, Settings, Start, Strict, window
 from tablemap.cli.printing import (
     aligned,
@@ -62,12 +63,19 @@ def process(
     ] = False,
     method: Annotated[
         Literal["tablemap", "report"] | None,
-        typer.Option("--method", help="Our method, or the bachelor report's as the baseline."),
+        typer.Option(
+            "--method",
+            help="Our method, or the bachelor report's as the baseline.",
+            case_sensitive=False,
+        ),
     ] = None,
     formats: Annotated[
         list[str] | None,
         typer.Option(
-            "--export", help="Write exports/FORMAT (below) too; repeatable.", metavar="FORMAT"
+            "--export",
+            help="Write exports/FORMAT (below) too; repeatable.",
+            metavar="FORMAT",
+            autocompletion=completing.formats,
         ),
     ] = None,
     jobs: Annotated[
@@ -82,7 +90,11 @@ def process(
     ] = False,
     level: Annotated[
         Literal["standard", "full", "off"] | None,
-        typer.Option("--review", help="What run.rrd carries: every image, or the model alone."),
+        typer.Option(
+            "--review",
+            help="What run.rrd carries: every image, or the model alone.",
+            case_sensitive=False,
+        ),
     ] = None,
     live: Annotated[
         bool, typer.Option("--live", help="Show the run in the Rerun Viewer while it goes on.")

@@ -8,13 +8,19 @@ from typing import Annotated, Literal
 
 import typer
 
+from tablemap.cli import completing
 from tablemap.cli.options import Json
 from tablemap.cli.printing import say
 
 
 def simulate(
     scenario: Annotated[
-        str, typer.Argument(help="Name of a scenario, or a TOML file.", metavar="SCENARIO")
+        str,
+        typer.Argument(
+            help="Name of a scenario, or a TOML file.",
+            metavar="SCENARIO",
+            autocompletion=completing.scenarios,
+        ),
     ] = "",
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="The MCAP to write.", metavar="FILE")
@@ -24,7 +30,8 @@ def simulate(
         bool, typer.Option("--nominal", help="Keep the scenario's sizes; draw the rest.")
     ] = False,
     profile: Annotated[
-        Literal["ros1", "ros2"], typer.Option("--profile", help="Messages of ROS 1 or ROS 2.")
+        Literal["ros1", "ros2"],
+        typer.Option("--profile", help="Messages of ROS 1 or ROS 2.", case_sensitive=False),
     ] = "ros1",
     listing: Annotated[bool, typer.Option("--list", help="List the scenarios instead.")] = False,
     as_json: Json = False,

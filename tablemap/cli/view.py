@@ -10,17 +10,11 @@ from typing import Annotated
 
 import typer
 
+from tablemap.cli import completing
 from tablemap.cli.options import End, Json, Start, window
 from tablemap.cli.printing import complain, say
 
 _MOST_PIXELS = 8192  # a side, of what drivers draw
-
-
-def _tabs(begun: str) -> list[str]:
-    """Return the tabs that begin so, for a shell to complete."""
-    from tablemap.review.viewer.still import TABS
-
-    return [tab for tab in TABS if tab.lower().startswith(begun.lower())]
 
 
 def view(
@@ -45,7 +39,7 @@ def view(
             help="Of the picture: Overview, Views, Odometry, Registration, Pairs, Surface, Legs "
             "or Timings.",
             metavar="NAME",
-            autocompletion=_tabs,
+            autocompletion=completing.tabs,
         ),
     ] = None,
     size: Annotated[

@@ -17,7 +17,7 @@ from tablemap.config.sensors import SensorsConfig
 from tablemap.config.snapshots import SnapshotsConfig
 from tablemap.config.surface import SurfaceConfig
 from tablemap.config.topics import TopicsConfig
-from tablemap.config.tree import Config, Method, Tables, check_tables
+from tablemap.config.tree import Config, Method, Tables, check_tables, setting_names
 
 __all__ = [
     "CalibrationConfig",
@@ -42,4 +42,5 @@ __all__ = [
     "dump_config",
     "explain_config",
     "load_config",
+    "setting_names",
 ]

@@ -6,10 +6,11 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tablemap.config.tree import Config
+from tablemap.config.tree import Config, setting_names
 from tablemap.errors import ConfigError
 from tablemap.files import read_text
 from tablemap.paths import AnyPath, as_path
+from tablemap.words import known_name
 
 RENAMED = {
     "calibration.camera_height_sigma": "sensors.camera_height_sigma",
@@ -155,8 +156,8 @@ def load_config(file: AnyPath | None = None, *, overrides: Sequence[str] = ()) -
     """Merge defaults, a TOML ``file`` and ``section.key=value`` ``overrides`` into one tree.
 
     A value is read as TOML and, where that fails, as text: ``topics.depth=/camera/depth`` needs no
-    quotes. Raises `ConfigError` for a value out of its range, and for an unknown name; the message
-    has the new name, or the nearest one.
+    quotes. The case of an override's name does not count. Raises `ConfigError` for a value out of
+    its range, and for an unknown name; the message has the new name, or the nearest one.
     """
     tree: dict[str, Any] = {}
     if file is not None:
@@ -176,9 +177,10 @@ def load_config(file: AnyPath | None = None, *, overrides: Sequence[str] = ()) -
         name, separator, text = setting.partition("=")
         if not separator or not name.strip():
             raise ConfigError(f"expected --set section.key=value, found {setting!r}.")
-        if name.strip() in RENAMED or name.strip() in REMOVED:
-            raise ConfigError(f"{_fate(name.strip())}.")
-        *sections, key = name.strip().split(".")
+        name = known_name(name.strip(), (*setting_names(), *RENAMED, *REMOVED))
+        if name in RENAMED or name in REMOVED:
+            raise ConfigError(f"{_fate(name)}.")
+        *sections, key = name.split(".")
         branch = tree
         for section in sections:
             branch = branch.setdefault(section, {})

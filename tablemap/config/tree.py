@@ -96,3 +96,15 @@ class Config(Section):
             return validated(tree)
         except ValidationError as error:
             raise ConfigError(explain(error, cls)) from error
+
+
+def setting_names() -> list[str]:
+    """Return the dotted name of every setting, in the order of the tree."""
+    names = []
+    for name, field in Config.model_fields.items():
+        section = field.annotation
+        if isinstance(section, type) and issubclass(section, Section):
+            names += [f"{name}.{key}" for key in section.model_fields]
+        else:
+            names.append(name)
+    return names

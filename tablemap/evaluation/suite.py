@@ -24,6 +24,7 @@ from tablemap.events import StageFinished
 from tablemap.files import read_text, write_whole
 from tablemap.paths import AnyPath
 from tablemap.version import __version__
+from tablemap.words import known_name
 
 METHODS = ("tablemap", "report")
 _RUN_SCORE = TypeAdapter(RunScore)
@@ -91,9 +92,10 @@ def cases_of(
                     f"expected {Truth.beside(recording).name} beside the recording: {recording}"
                 )
         return [Case(path.stem, 0, methods, recording=path) for path in recordings]
-    from tablemap.simulation import scenario_names
+    from tablemap.simulation import SUITES, scenario_names
     from tablemap.simulation import suite as scenarios_of
 
+    suite = known_name(suite, [*scenario_names(), *SUITES, "all"])
     names = [suite] if suite in scenario_names() else list(scenarios_of(suite))
     return [Case(name, seed, methods, nominal=nominal) for name in names for seed in seeds]
 

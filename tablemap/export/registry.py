@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from tablemap.errors import ConfigError
 from tablemap.export import formats
+from tablemap.words import known_name
 
 if TYPE_CHECKING:
     from tablemap.config import ExportConfig
@@ -56,9 +57,12 @@ def all_formats() -> Mapping[str, Format]:
 
 
 def check_formats(names: Sequence[str]) -> tuple[Format, ...]:
-    """Return the formats of these names, each once. Raises `ConfigError` if one is unknown."""
+    """Return the formats of these names, in any case, each once.
+
+    Raises `ConfigError` if one is unknown.
+    """
     known = all_formats()
-    names = [names] if isinstance(names, str) else names
+    names = [known_name(name, known) for name in ([names] if isinstance(names, str) else names)]
     for name in names:
         if name not in known:
             raise ConfigError(f"expected a format of {', '.join(known)}; found {name!r}.")

@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from tablemap.errors import ConfigError
 from tablemap.files import read_text
 from tablemap.model.shapes import SQUARE, NameOf, ShapeName
+from tablemap.words import known_name
 
 SCENARIOS = Path(__file__).parent / "scenarios"
 SUITES = ("report", "hard", "real_sensors")
@@ -337,13 +338,13 @@ def scenario_names() -> list[str]:
 
 
 def load_scenario(name_or_path: str | Path) -> Scenario:
-    """Read a scenario by its name, or from a TOML file.
+    """Read a scenario by its name, in any case, or from a TOML file.
 
     Raises `ConfigError` where there is none of that name, or it has unknown or impossible settings.
     """
     path = Path(name_or_path)
     if path.suffix != ".toml":
-        path = SCENARIOS / f"{name_or_path}.toml"
+        path = SCENARIOS / f"{known_name(str(name_or_path), scenario_names())}.toml"
         if not path.is_file():
             raise ConfigError(
                 f"There is no scenario named {str(name_or_path)!r}; there are "

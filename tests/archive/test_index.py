@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from tablemap.archive.index import INDEX, list_runs
-from tablemap.archive.selection import Selection
+from tablemap.archive.manifest import Status
+from tablemap.archive.selection import STATUSES, VERDICTS, Selection
 from tablemap.errors import ConfigError, TablemapError
+from tablemap.model import Level
 from tests.making.models import rectangle_model
 from tests.making.run_folders import make_run, read_runs
 
@@ -142,3 +145,9 @@ def test_what_cannot_be_read_is_wrong_usage(runs: Path, selection: Selection) ->
     """With an example or the nearest name."""
     with pytest.raises(ConfigError, match=r"2026|height|rectangle"):
         selection.of(list_runs(runs))
+
+
+def test_statuses_and_verdicts_are_those_of_manifests_and_models() -> None:
+    """And those that a list itself gives a run."""
+    assert (*get_args(Status), "dead", "damaged") == STATUSES
+    assert get_args(Level) == VERDICTS

@@ -263,7 +263,7 @@ WRONG = {
     "runs reprocess none": (1, None),
     "runs prune runs": (
         2,
-        "tablemap: say which runs may go: by age, by status, or all but the newest.",
+        "tablemap: say which runs may go: --older-than DAYS, --status STATUS, or all but --keep N.",
     ),
     "runs pack none": (1, None),
     "runs unpack text.mcap": (1, None),
@@ -318,8 +318,24 @@ def test_piped_output_has_no_colour(tmp_path: Path) -> None:
     )
 
 
-def test_completion_names_the_commands() -> None:
-    """As a shell asks for it."""
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        ("runs ", RUNS),
+        ("process a.mcap --set Surface.minimum_i", ["Surface.minimum_inliers="]),
+        ("info a.mcap --set l", []),
+        ("info a.mcap --set topics.la", ["topics.laser="]),
+        ("export a --to G", ["Gazebo", "Geojson", "Glb"]),
+        ("process a.mcap --export nA", ["nAv2"]),
+        ("view a --still b.png --tab sur", ["surface"]),
+        ("simulate DEM", ["DEMo"]),
+        ("evaluate --suite rep", ["report"]),
+        ("runs list --verdict d", ["doubtful"]),
+    ],
+)
+def test_a_shell_completes_names(words: str, offered: list[str]) -> None:
+    """Of commands, settings, formats and so on; as they were begun, for case does not count."""
+    asked = [*words.split(), *([""] if words.endswith(" ") else [])]
     code = "import sys; sys.argv = ['tablemap']; from tablemap.cli import main; main()"
     done = subprocess.run(
         [sys.executable, "-c", code],
@@ -330,11 +346,43 @@ def test_completion_names_the_commands() -> None:
         env={
             **os.environ,
             "_TABLEMAP_COMPLETE": "complete_bash",
-            "COMP_WORDS": "tablemap runs ",
-            "COMP_CWORD": "2",
+            "COMP_WORDS": f"tablemap {words}",
+            "COMP_CWORD": str(len(asked)),
         },
     )
-    assert set(done.stdout.split()) >= set(RUNS)
+    assert sorted(done.stdout.split()) == sorted(offered), done.stderr
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "simulate Nonsense -o x.mcap",
+        "runs list runs --shape hexagon",
+        "runs list runs --status okay",
+        "runs list runs --verdict fine",
+        "runs prune runs --status okay --yes",
+        "export runs --to stl",
+    ],
+)
+def test_a_name_that_is_none_is_said_with_those_that_are(command: str, tmp_path: Path) -> None:
+    """Instead of an empty list."""
+    (tmp_path / "runs").mkdir()
+    done = tablemap_here(*command.split(), cwd=tmp_path)
+    assert done.returncode == 2
+    assert re.search("expected a|there are", done.stderr), done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_the_case_of_a_name_does_not_count(tmp_path: Path) -> None:
+    """Of a format, a status, a setting; the files are called by the real name."""
+    run = make_run(tmp_path / "runs", "demo/one", rectangle_model())
+    done = tablemap_here("export", run.path, "--to", "SVG", cwd=tmp_path)
+    assert done.stdout.splitlines() == [str(run.path / "exports" / "svg" / "table.svg")]
+    for chosen in (["--status", "OK"], ["--verdict", "Good"], ["--shape", "Rectangle"]):
+        assert "demo/one" in tablemap_here("runs", "list", *chosen, cwd=tmp_path).stdout
+    shown = tablemap_here("config", "--set", "SEED=7", "--set", "Review.Level=off").stdout
+    assert "\nseed = 7\n" in shown
+    assert '\nlevel = "off"\n' in shown
 
 
 @pytest.mark.parametrize("command", ["--help", "runs --help", "process --help", "export --help"])

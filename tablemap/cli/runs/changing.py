@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from tablemap.cli import completing
 from tablemap.cli.options import Json, Quiet, Strict
 from tablemap.cli.printing import (
     complain,
@@ -29,7 +30,12 @@ def reprocess(
     run: Run,
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", help="A setting to change; repeatable.", metavar="SECTION.KEY=VALUE"),
+        typer.Option(
+            "--set",
+            help="A setting to change; repeatable.",
+            metavar="SECTION.KEY=VALUE",
+            autocompletion=completing.settings(),
+        ),
     ] = None,
     output: Annotated[
         Path | None,
@@ -71,7 +77,10 @@ def prune_(
         float | None, typer.Option("--older-than", min=0, help="Begun so long ago.", metavar="DAYS")
     ] = None,
     status: Annotated[
-        list[str] | None, typer.Option("--status", help="Only this status; repeatable.")
+        list[str] | None,
+        typer.Option(
+            "--status", help="Only this status; repeatable.", autocompletion=completing.statuses
+        ),
     ] = None,
     keep: Annotated[
         int | None,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tablemap.cli import completing
 from tablemap.cli.options import Json
 from tablemap.cli.printing import aligned, metres_text, say, size_text
 from tablemap.cli.runs.app import Runs, runs_app
@@ -25,13 +26,22 @@ def list_(
         str, typer.Option("--recording", help="Recordings of this name.", metavar="PATTERN")
     ] = "*",
     shape: Annotated[
-        list[str] | None, typer.Option("--shape", help="Only this shape; repeatable.")
+        list[str] | None,
+        typer.Option(
+            "--shape", help="Only this shape; repeatable.", autocompletion=completing.shapes
+        ),
     ] = None,
     status: Annotated[
-        list[str] | None, typer.Option("--status", help="Only this status; repeatable.")
+        list[str] | None,
+        typer.Option(
+            "--status", help="Only this status; repeatable.", autocompletion=completing.statuses
+        ),
     ] = None,
     verdict: Annotated[
-        list[str] | None, typer.Option("--verdict", help="Only this verdict; repeatable.")
+        list[str] | None,
+        typer.Option(
+            "--verdict", help="Only this verdict; repeatable.", autocompletion=completing.verdicts
+        ),
     ] = None,
     since: Annotated[
         str | None, typer.Option("--since", help="Begun then or later (UTC).", metavar="DATE")

@@ -27,6 +27,7 @@ from tablemap.review.viewer.viewer import (
     launch,
     whole,
 )
+from tablemap.words import known_name
 
 TABS = (
     "Overview",
@@ -58,7 +59,7 @@ def still(
     viewer is missing or cannot draw (it needs a Vulkan driver, such as Debian's
     ``mesa-vulkan-drivers``), and `TablemapError` for an unknown tab or a missing file.
     """
-    tab = next((known for known in TABS if known.lower() == tab.lower()), tab)
+    tab = known_name(tab, TABS)
     with whole(path) as file, _headless(file, size) as client:
         _show_tab(client, tab)
         timeline = TIMELINES.get(tab, "snapshot")
@@ -134,7 +135,7 @@ def _show_tab(client: ViewerClient, tab: str) -> None:
                 names[archetypes[kind].get("display_name", "")] = path.lstrip("/")
                 if kind == "ContainerBlueprint":
                     containers[path.lstrip("/")] = archetypes[kind]
-    tab = next((name for name in names if name.lower() == tab.lower()), tab)
+    tab = known_name(tab, names)
     if tab not in names:
         there = ", ".join(one for one in (*TABS, "Tables") if one in names)
         raise TablemapError(f"expected one of this run's tabs {there}, found {tab!r}.")
