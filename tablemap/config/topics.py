@@ -46,6 +46,16 @@ class TopicsConfig(Section):
         description="axes of the images' frame: z forward (optical), or x forward (body); empty: "
         "from the floor",
     )
+    clock_offset: float = Field(
+        default=0.0,
+        description="seconds to add to the stamps of depth and colour; 0: as the log and the "
+        "motion show. Higher: images count as taken later",
+    )
+    laser_clock_offset: float = Field(
+        default=0.0,
+        description="seconds to add to the laser's stamps; 0: as the log and the motion show. "
+        "Higher: scans count as taken later",
+    )
     robot: str = Field(
         default="",
         description="namespace or frame prefix of the robot, where there are several; empty: the "

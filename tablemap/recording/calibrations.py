@@ -39,6 +39,11 @@ class Calibrations:
         """Return the calibration that was valid at a stamp."""
         return self.infos[self._index(stamp_ns)]
 
+    def shifted(self, offset_ns: int) -> Calibrations:
+        """Return them with an offset added to their stamps."""
+        moved = (replace(info, stamp_ns=info.stamp_ns + offset_ns) for info in self.infos)
+        return replace(self, infos=tuple(moved))
+
     def rectification(self, stamp_ns: int, width: int, height: int) -> Rectification:
         """Return the rectification of an image of a size, by the calibration valid at its stamp.
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tablemap.config import LimitsConfig
+from tablemap.geometry import Floats
 from tablemap.recording.calibrations import is_same
 from tablemap.recording.decoding import Decoder
 from tablemap.recording.kinds import CALIBRATION, TRANSFORMS
@@ -36,6 +37,10 @@ class Stamped:
 
     stamps_ns: Stamps
     log_times_ns: Stamps
+
+    def lags_s(self) -> Floats:
+        """Return how long after their stamps the messages were logged, (n,) seconds."""
+        return np.asarray((self.log_times_ns - self.stamps_ns) / 1e9)
 
 
 class Channels:
@@ -65,6 +70,7 @@ class Channels:
         self.collector = TransformCollector(limits)
         self._stamped: dict[str, Stamped] = {}
         self._others: dict[str, list[str]] = {}
+        self._offsets_ns: dict[str, int] = {}
         self.calibrations: list[CameraInfo] = []
         self._lags_ns: dict[str, list[int]] = {}
         self._survey()
@@ -81,7 +87,12 @@ class Channels:
                 f"frame ({', '.join(sorted(set(others))[:3])}): two sensors share the topic, and "
                 "the first is used.",
             )
-        return self._stamped[topic.name]
+        stamped, offset_ns = self._stamped[topic.name], self._offsets_ns.get(topic.name, 0)
+        return replace(stamped, stamps_ns=stamped.stamps_ns + offset_ns) if offset_ns else stamped
+
+    def shift(self, topic: Topic, offset_ns: int) -> None:
+        """Add an offset to the stamps of a topic's messages, whose clock is off by so much."""
+        self._offsets_ns[topic.name] = offset_ns
 
     def lag(self, topic: Topic) -> float | None:
         """Return the median seconds from a message's stamp to its log time; None if not known."""
@@ -99,6 +110,7 @@ class Channels:
         """Yield the decoded messages of a topic at the given stamps, in the stamps' order."""
         ids = topic.ids & self._decoders.keys()
         waiting: dict[int, Image | CompressedImage | CameraInfo | LaserScan] = {}
+        offset_ns = self._offsets_ns.get(topic.name, 0)
         expected = dict.fromkeys(due.stamps_ns.tolist())
         for raw in self._source.messages(ids, log_times_ns=due.log_times_ns):
             try:
@@ -108,6 +120,8 @@ class Channels:
                 continue
             if isinstance(message, tuple | Pose) or message.frame_id != topic.frame_id:
                 continue
+            if offset_ns:
+                message = replace(message, stamp_ns=message.stamp_ns + offset_ns)
             if message.stamp_ns not in expected:
                 continue
             waiting[message.stamp_ns] = message
@@ -163,7 +177,10 @@ class Channels:
                     assert isinstance(message, tuple)
                     for transform in message:
                         self.collector.add(
-                            transform, publisher=raw.channel_id, namespace=topic.namespace
+                            transform,
+                            publisher=raw.channel_id,
+                            namespace=topic.namespace,
+                            log_ns=raw.log_time_ns,
                         )
                     if message and not message[0].is_static:
                         lag_ns = raw.log_time_ns - message[0].stamp_ns

@@ -15,6 +15,7 @@ from tablemap.errors import ProcessWarning, RecordingError, with_cause
 from tablemap.inputs import AnyInput, Input
 from tablemap.recording.calibrations import valid_calibrations
 from tablemap.recording.carried import carried_warnings
+from tablemap.recording.clocks import difference
 from tablemap.recording.decoding import Decoder
 from tablemap.recording.depth import decode_depth, depth_encoding
 from tablemap.recording.floor import MOST_VIEWS
@@ -29,12 +30,14 @@ from tablemap.recording.messages import (
 )
 from tablemap.recording.pose_topics import read_poses
 from tablemap.recording.raw import Channel, Source
+from tablemap.recording.reader import open_recording
 from tablemap.recording.rectification import rectification
 from tablemap.recording.robots import Placed, placed
 from tablemap.recording.roles import Roles, find_roles, implied_transforms, missing_roles
+from tablemap.recording.sensor_clocks import tf_lags
 from tablemap.recording.sources import open_source
 from tablemap.recording.tf.collector import TransformCollector
-from tablemap.recording.tf.frame_roles import FrameNames
+from tablemap.recording.tf.frame_roles import FrameNames, pose_stamps
 from tablemap.recording.tf.poses import PoseTrack
 from tablemap.recording.topics import Topic, decoders_of, list_topics
 from tablemap.recording.window import windowed
@@ -160,6 +163,8 @@ def inspect(
                     tree, frame_roles, roles = found.tree, found.names, found.roles
                     localisation = found.localisation
                     choices += found.warnings
+                    if _clocks_are_suspect(source, found, collector, limits):
+                        choices += _said_of_clocks(given, config, limits)
                     choices += _judged(source, found, config, limits)
                 except RecordingError as error:
                     missing.append(str(error))
@@ -269,6 +274,7 @@ def _sampled_transforms(
                         transform,
                         publisher=raw.channel_id,
                         namespace=source.channels[raw.channel_id].topic.rpartition("/")[0],
+                        log_ns=raw.log_time_ns,
                     )
     return collector, sampled
 
@@ -278,6 +284,42 @@ def _poses(source: Source, roles: Roles, limits: LimitsConfig) -> list[PoseTrack
     return read_poses(
         source, roles.poses, limits, read=lambda ids: source.sample(ids, most=_MOST_PLACES)[0]
     )
+
+
+def _clocks_are_suspect(
+    source: Source, found: Placed, collector: TransformCollector, limits: LimitsConfig
+) -> bool:
+    """Tell by a few messages whether a sensor's clock may differ from that of TF."""
+    tf = tf_lags(found.tree, found.names, collector)
+    poses = pose_stamps(found.tree, found.names.fixed, found.names.carrier)
+    for topic in (found.roles.depth, found.roles.laser):
+        if topic is None:
+            continue
+        decoders = decoders_of(topic.channels, limits)[0]
+        stamps, lags = [], []
+        for raw in source.sample(decoders, most=MOST_VIEWS)[0]:
+            try:
+                stamps.append(decoders[raw.channel_id].header(raw)[0])
+            except DecodingError:
+                continue
+            lags.append((raw.log_time_ns - stamps[-1]) / 1e9)
+        if not stamps:
+            continue
+        apart = difference(np.array(lags), tf)
+        if apart is not None and apart.is_suspect:
+            return True
+        is_outside = len(poses) > 1 and (max(stamps) < poses[0] or min(stamps) > poses[-1])
+        if is_outside:
+            return True
+    return False
+
+
+def _said_of_clocks(
+    given: Input, config: TopicsConfig, limits: LimitsConfig
+) -> list[ProcessWarning]:
+    """Say what reading all of the recording shows of its clocks; raises what processing raises."""
+    with open_recording(given, topics=config, limits=limits) as recording:
+        return [each for each in recording.warnings if each.code.endswith(".clock")]
 
 
 def _judged(

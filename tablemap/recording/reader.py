@@ -34,6 +34,7 @@ from tablemap.recording.rectification import Rectification
 from tablemap.recording.robot_poses import RobotPoses
 from tablemap.recording.robots import placed
 from tablemap.recording.roles import Roles, find_roles, implied_transforms, missing_roles
+from tablemap.recording.sensor_clocks import Pairs, Sensor, compared, run_of, settled, span_apart
 from tablemap.recording.silence import is_silent, sweep_that_can_be
 from tablemap.recording.sources import open_source
 from tablemap.recording.tf.frame_roles import FrameNames, pose_stamps
@@ -41,6 +42,8 @@ from tablemap.recording.tf.frames import Stamps
 from tablemap.recording.topics import list_topics
 from tablemap.recording.unseen import Unseen, learnt, places_apart
 from tablemap.recording.window import windowed
+
+_COMPARED_IMAGES = 120  # of a camera whose clock may be off
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +102,9 @@ class Recording(RobotPoses):
         self._calibrations = self._calibrated()
         self._check_first_depth()
         self._place(topics, limits)
-        self._meaning = self._judge(topics, limits)
         self._laser = self._channels.of(self.roles.laser)
+        self._settle_clocks(topics)
+        self._meaning = self._judge(topics, limits)
         self._pose_stamps = pose_stamps(self.tree, self.names.fixed, self.names.carrier)
         self.start_ns, self.end_ns = self._span()
         self._unseen = self._learnt_unseen()
@@ -276,6 +280,63 @@ class Recording(RobotPoses):
             self._say_once(warning.code, warning.message, warning.stamp_ns)
         self.tree, self.names, self.roles = found.tree, found.names, found.roles
         self.localisation = found.localisation
+
+    def _settle_clocks(self, config: TopicsConfig) -> None:
+        """Move the stamps of sensors whose clock is off; raise if no image has a pose then."""
+        depth, laser = self.roles.depth, self.roles.laser
+        assert depth is not None
+        camera = Sensor("camera", self.names.camera, "clock_offset", self._depth, self._depth_pairs)
+        offset_ns = self._offset_ns(camera, config.clock_offset)
+        if offset_ns:
+            for topic in (depth, self.roles.colour):
+                if topic is not None:
+                    self._channels.shift(topic, offset_ns)
+            self._depth, self._colour = (
+                self._channels.of(topic) for topic in (depth, self.roles.colour)
+            )
+            self._calibrations = self._calibrations.shifted(offset_ns)
+        if laser is not None and self.names.laser is not None:
+            scanner = Sensor(
+                "laser", self.names.laser, "laser_clock_offset", self._laser, self._scan_pairs
+            )
+            offset_ns = self._offset_ns(scanner, config.laser_clock_offset)
+            if offset_ns:
+                self._channels.shift(laser, offset_ns)
+                self._laser = self._channels.of(laser)
+        stamps = self._depth.stamps_ns
+        poses = pose_stamps(self.tree, self.names.fixed, self.names.carrier)
+        if len(stamps) and len(poses) and not self.fixed_from_bases(stamps)[1].any():
+            named = [each.message for each in self.warnings if each.code == "accuracy.clock"]
+            raise RecordingError(" ".join([span_apart(stamps, poses, "clock_offset"), *named]))
+
+    def _offset_ns(self, sensor: Sensor, given_s: float) -> int:
+        if given_s:
+            return round(given_s * 1e9)
+        found = settled(sensor, self, self._channels.collector)
+        if found.warning is not None:
+            self._say_once(found.warning.code, found.warning.message)
+        return round(found.offset_s * 1e9)
+
+    def _depth_pairs(self) -> Pairs:
+        """Compare neighbouring depth images, thinned."""
+
+        def measured() -> Iterator[tuple[int, Floats]]:
+            assert self.roles.depth is not None
+            due = only(self._depth, run_of(self._depth.stamps_ns, most=_COMPARED_IMAGES))
+            for message in self._channels.in_order(self.roles.depth, due):
+                assert isinstance(message, Image | CompressedImage)
+                try:
+                    yield message.stamp_ns, decode_depth(message)[::8, ::8].astype(np.float64)
+                except DecodingError:
+                    continue  # who reads all images says so
+
+        return compared(measured())
+
+    def _scan_pairs(self) -> Pairs:
+        """Compare neighbouring scans."""
+        stamps = run_of(self._laser.stamps_ns)
+        scans = self.scans(stamps_ns=stamps)
+        return compared((scan.stamp_ns, scan.ranges.astype(np.float64)) for scan in scans)
 
     def _judge(self, config: TopicsConfig, limits: LimitsConfig) -> DepthMeaning:
         """Judge by the floor what depth means, and which calibration is right; say what differs."""

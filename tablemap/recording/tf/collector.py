@@ -12,6 +12,7 @@ import numpy as np
 from tablemap.config import LimitsConfig
 from tablemap.errors import RecordingError
 from tablemap.geometry import Floats
+from tablemap.recording.clocks import Lags
 from tablemap.recording.messages import TransformStamped
 from tablemap.recording.tf.frames import TransformEdge, TransformTree
 from tablemap.recording.tf.tracks import (
@@ -61,20 +62,30 @@ class TransformCollector:
     """Gathers transforms into a `TransformTree`.
 
     ``rejected`` counts invalid transforms by parent, child and reason; it is set when the tree is
-    made.
+    made. ``lags`` has how long after their stamps the moving ones were logged.
     `add` raises `RecordingError` if there are more frames than the limits allow.
     """
 
     def __init__(self, limits: LimitsConfig | None = None) -> None:
         self._limits = limits or LimitsConfig()
         self.rejected: Counter[tuple[str, str, str]] = Counter()
+        self.lags: dict[tuple[str, str], Lags] = {}
         self._misnamed: dict[tuple[str, str], int] = {}
         self._edges: dict[tuple[str, str], dict[_Sender, _Samples]] = {}
         self._taken = 0
 
-    def add(self, transform: TransformStamped, *, publisher: int = 0, namespace: str = "") -> None:
-        """Add a transform from its channel and namespace."""
+    def add(
+        self,
+        transform: TransformStamped,
+        *,
+        publisher: int = 0,
+        namespace: str = "",
+        log_ns: int | None = None,
+    ) -> None:
+        """Add a transform from its channel and namespace; ``log_ns`` is when it was logged."""
         key = (transform.parent_frame, transform.child_frame)
+        if log_ns is not None and not transform.is_static:
+            self.lags.setdefault(key, Lags()).add(log_ns - transform.stamp_ns)
         if key[0] == key[1] or not all(key):
             self._misnamed[key] = self._misnamed.get(key, 0) + 1
             return

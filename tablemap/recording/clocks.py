@@ -1,0 +1,165 @@
+"""A sensor's clock against that of TF: how far it is off, and whether the motion shows it.
+
+Every message has the time at which it was logged beside the stamp of its header. Where the
+stamps of one sensor lie further behind the log than those of TF, either its messages take longer
+on the way, or its clock is off. The motion tells which: what a sensor sees changes when the robot
+moves, and images that were taken at the stops were taken while it stood.
+"""
+
+from __future__ import annotations
+
+from array import array
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tablemap.geometry import Bools, Floats, Ints
+
+SECOND_NS = 1_000_000_000
+SUSPECT_S = 0.1
+"""A smaller difference of lags is usual on the way."""
+NAMED_LATE_S, NAMED_EARLY_S = 1.0, 0.3
+"""What is named though no motion shows it: nothing takes longer, and nothing arrives early."""
+
+_MOST_LAGS = 4096
+_STEADY_S = 0.25  # a clock that is off is off by the same; a slow network is not
+_STEP_S = 0.02
+_AROUND_S = 1.0  # of the difference of the lags, and of none
+_FEWEST_CHANGES = 20
+_LEAST_CORRELATION, _LEAST_GAIN = 0.5, 0.03
+_STILL_S = 0.2  # an image at a stop is so far from the motion
+_STILL_M = 0.01  # metres, or half a radian, within this time
+_LEAST_IMAGES = 3
+_ARM = 0.5  # metres for a radian
+
+
+@dataclass
+class Lags:
+    """How long after their stamps messages were logged, thinned to a bounded number."""
+
+    _kept: array[int] = field(default_factory=lambda: array("q"))
+    _stride: int = 1
+    _seen: int = 0
+
+    def add(self, lag_ns: int) -> None:
+        """Take a message's lag."""
+        if self._seen % self._stride == 0:
+            self._kept.append(lag_ns)
+            if len(self._kept) > _MOST_LAGS:
+                self._kept = self._kept[::2]
+                self._stride *= 2
+        self._seen += 1
+
+    def seconds(self) -> Floats:
+        """Return the kept lags (n,)."""
+        return np.array(self._kept, dtype=np.int64) / SECOND_NS
+
+
+@dataclass(frozen=True)
+class Difference:
+    """By how much a sensor's clock seems to be behind that of TF, and whether it is steady.
+
+    ``lag``: seconds from the sensor's stamps to their log times, negative where they are ahead.
+    """
+
+    seconds: float
+    lag: float
+    is_steady: bool
+
+    @property
+    def is_suspect(self) -> bool:
+        """Whether it is more than messages usually differ on their way."""
+        return abs(self.seconds) > SUSPECT_S
+
+    @property
+    def is_named(self) -> bool:
+        """Whether it is more than any way of a message explains."""
+        is_early = max(self.seconds, self.lag) < -NAMED_EARLY_S
+        return self.seconds > NAMED_LATE_S or is_early
+
+
+def difference(sensor_lags: Floats, tf_lags: Floats) -> Difference | None:
+    """Compare the lags of a sensor's messages (n,) with those of TF (m,), seconds."""
+    if not len(sensor_lags) or not len(tf_lags):
+        return None
+    low, middle, high = np.quantile(sensor_lags, [0.1, 0.5, 0.9])
+    steady = bool(high - low < _STEADY_S)
+    return Difference(float(middle - np.median(tf_lags)), float(middle), steady)
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """The way that a sensor went, by TF: (n,) stamps ascending, (n,) metres up to each.
+
+    A radian of turning counts as half a metre. ``known`` (n,) says where TF has a pose.
+    """
+
+    stamps_ns: Ints
+    metres: Floats
+    known: Bools
+
+    @staticmethod
+    def of(stamps_ns: Ints, poses: Floats, known: Bools) -> Way:
+        """Make it of poses (n, 4, 4) at stamps, of which some are known."""
+        steps = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
+        turns = np.einsum("nij,nij->n", poses[1:, :3, :3], poses[:-1, :3, :3])
+        steps = steps + _ARM * np.arccos(np.clip((turns - 1) / 2, -1, 1))
+        steps = np.where(known[1:] & known[:-1], steps, 0.0)
+        return Way(stamps_ns, np.concatenate([[0.0], np.cumsum(steps)]), known)
+
+    def between(self, first_ns: Ints, second_ns: Ints) -> tuple[Floats, Bools]:
+        """Return the metres gone between stamps (n,) and (n,), and where they are known."""
+        gone = self._at(self.metres, second_ns) - self._at(self.metres, first_ns)
+        share = self.known.astype(np.float64)
+        known = (self._at(share, first_ns) > 0.99) & (self._at(share, second_ns) > 0.99)
+        inside = (first_ns >= self.stamps_ns[0]) & (second_ns <= self.stamps_ns[-1])
+        return gone, known & inside
+
+    def _at(self, values: Floats, stamps_ns: Ints) -> Floats:
+        begin = self.stamps_ns[0]
+        at, known = (stamps_ns - begin) * 1e-9, (self.stamps_ns - begin) * 1e-9
+        return np.asarray(np.interp(at, known, values), dtype=np.float64)
+
+
+def offset_by_change(
+    first_ns: Ints, second_ns: Ints, change: Floats, way: Way, *, about_s: float
+) -> float | None:
+    """Return the seconds to add to a sensor's stamps so that its changes fit the motion.
+
+    ``change`` (n,) says how much what it sees differs between two stamps. Offsets about zero and
+    about ``about_s`` are tried. None where the changes do not tell.
+    """
+    if len(change) < _FEWEST_CHANGES:
+        return None
+    near = np.arange(-_AROUND_S, _AROUND_S + _STEP_S / 2, _STEP_S)
+    tried = np.unique(np.round(np.concatenate([near, about_s + near]), 3))
+    fits = np.array([_fit(first_ns, second_ns, change, way, each) for each in tried])
+    best = int(np.argmax(fits))
+    far = fits[np.abs(tried - tried[best]) > _AROUND_S / 2]
+    if fits[best] < _LEAST_CORRELATION or fits[best] - float(np.max(far)) < _LEAST_GAIN:
+        return None
+    if not 0 < best < len(tried) - 1 or tried[best + 1] - tried[best - 1] > 3 * _STEP_S:
+        return float(tried[best])
+    before, at, after = fits[best - 1 : best + 2]
+    bend = before - 2 * at + after
+    shift = 0.5 * (before - after) / bend if bend < 0 else 0.0
+    return float(tried[best] + np.clip(shift, -1, 1) * _STEP_S)
+
+
+def stands_at(stamps_ns: Ints, way: Way) -> bool:
+    """Tell whether the robot stood round each of the stamps (n,), as at planned stops."""
+    around = round(_STILL_S * SECOND_NS)
+    gone, known = way.between(stamps_ns - around, stamps_ns + around)
+    return len(stamps_ns) >= _LEAST_IMAGES and bool(np.all(known & (gone < _STILL_M)))
+
+
+def _fit(first_ns: Ints, second_ns: Ints, change: Floats, way: Way, offset_s: float) -> float:
+    """Return the correlation of changes with the motion at shifted stamps, -1 without overlap."""
+    shift = round(offset_s * SECOND_NS)
+    gone, known = way.between(first_ns + shift, second_ns + shift)
+    if known.sum() < max(_FEWEST_CHANGES, 0.5 * len(change)):
+        return -1.0
+    motion, seen = np.sqrt(np.maximum(gone[known], 0.0)), np.sqrt(change[known])
+    if motion.std() < 1e-6 or seen.std() < 1e-9:
+        return -1.0
+    return float(np.corrcoef(motion, seen)[0, 1])

@@ -1,0 +1,185 @@
+"""A sensor's clock that differs from that of TF is mended where the motion shows it, or named."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tablemap.config import TopicsConfig
+from tablemap.errors import RecordingError
+from tablemap.recording import inspect, open_recording
+from tablemap.recording.clocks import Lags, Way, offset_by_change, stands_at
+from tests.making.rewriting import DIALECTS, SECOND, Change, Dialect, Entry, restamped, rewrite
+
+CAMERA = ("Image", "CompressedImage", "CameraInfo")
+
+
+def behind(seconds: float, *types: str) -> Change:
+    """Let the clock of what sends some types be so many seconds behind; the log's is right."""
+
+    def change(entry: Entry) -> Iterable[Entry]:
+        return [restamped(entry, -round(seconds * SECOND)) if entry.type in types else entry]
+
+    return change
+
+
+def slower(seconds: float, *types: str) -> Change:
+    """Log some types so many seconds later; their stamps are right."""
+
+    def change(entry: Entry) -> Iterable[Entry]:
+        late = entry.type in types
+        return [replace(entry, log_ns=entry.log_ns + round(seconds * SECOND)) if late else entry]
+
+    return change
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("seconds", [0.35, -7200.0])
+def test_the_lasers_clock_is_mended(
+    tmp_path: Path, plain_recording: Path, dialect: Dialect, seconds: float
+) -> None:
+    """What it sees changes when the robot moves: its stamps are moved, to a few hundredths."""
+    change = behind(seconds, "LaserScan")
+    path = rewrite(plain_recording, tmp_path / "r.mcap", change, dialect=dialect)
+    with open_recording(plain_recording) as plain, open_recording(path) as recording:
+        (warning,) = recording.warnings
+        assert warning.code == "recording.clock"
+        said = re.search(r"laser's clock is ([0-9.]+) s (behind|ahead)", warning.message)
+        assert said is not None
+        assert float(said[1]) == pytest.approx(abs(seconds), abs=0.05)
+        assert said[2] == ("behind" if seconds > 0 else "ahead")
+        assert "topics.laser_clock_offset=" in warning.message
+        off = (recording.scan_stamps() - plain.scan_stamps()) / SECOND
+        assert np.abs(off).max() < 0.05
+        stamps = [scan.stamp_ns for scan in recording.scans()]
+        assert np.array_equal(stamps, recording.scan_stamps())
+    assert warning.code in [each.code for each in inspect(path).warnings]
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_a_camera_that_takes_images_at_stops(
+    tmp_path: Path, plain_recording: Path, dialect: Dialect
+) -> None:
+    """Two hours ahead by the log, all its images were taken while the robot stood: it is mended."""
+    path = rewrite(plain_recording, tmp_path / "r.mcap", behind(-7200, *CAMERA), dialect=dialect)
+    with open_recording(plain_recording) as plain, open_recording(path) as recording:
+        (warning,) = recording.warnings
+        assert warning.code == "recording.clock"
+        assert re.search(r"camera's clock is 7200\.\d+ s ahead of", warning.message)
+        assert np.abs(recording.depth_stamps() - plain.depth_stamps()).max() < 0.01 * SECOND
+        assert len(list(recording.depth_frames())) == len(plain.depth_stamps())
+    assert not inspect(path).missing
+
+
+def test_slow_messages_are_no_wrong_clock(tmp_path: Path, plain_recording: Path) -> None:
+    """Scans and images that are logged late, with right stamps, are left as they are."""
+    path = rewrite(plain_recording, tmp_path / "r.mcap", slower(0.6, "LaserScan", *CAMERA))
+    with open_recording(plain_recording) as plain, open_recording(path) as recording:
+        assert recording.warnings == []
+        assert np.array_equal(recording.scan_stamps(), plain.scan_stamps())
+        assert np.array_equal(recording.depth_stamps(), plain.depth_stamps())
+    assert inspect(path).warnings == ()
+
+
+def unsteady(entry: Entry) -> Iterable[Entry]:
+    """Let the camera's clock be two hours behind, and run on at twice the pace."""
+    if entry.type not in CAMERA:
+        return [entry]
+    return [restamped(entry, -7200 * SECOND + (entry.stamp_ns % (100 * SECOND)))]
+
+
+def test_what_no_motion_shows_is_refused_by_its_offset(
+    tmp_path: Path, plain_recording: Path
+) -> None:
+    """Images without any pose: the offset and its setting are named, and ``info`` is not ready."""
+    path = rewrite(plain_recording, tmp_path / "r.mcap", unsteady)
+    with pytest.raises(RecordingError) as refused:
+        open_recording(path)
+    sentence = str(refused.value)
+    assert "No depth image has a pose" in sentence
+    assert re.search(r"camera's clock seems to be 71\d\d\.\d+ s behind", sentence)
+    assert "by no steady time" in sentence
+    assert "topics.clock_offset=71" in sentence
+    assert sentence in inspect(path).missing
+
+
+def test_stamps_that_never_meet(tmp_path: Path, plain_recording: Path) -> None:
+    """Where the log's times tell nothing, the refusal says how far apart the stamps are."""
+
+    def moved(entry: Entry) -> Iterable[Entry]:
+        if entry.type not in CAMERA:
+            return [entry]
+        return [replace(restamped(entry, -3600 * SECOND), log_ns=entry.log_ns - 3600 * SECOND)]
+
+    path = rewrite(plain_recording, tmp_path / "r.mcap", moved)
+    with pytest.raises(RecordingError, match=r"from \+3[56]\d\d\.\d s after the first") as said:
+        open_recording(path)
+    assert "topics.clock_offset=SECONDS" in str(said.value)
+    assert str(said.value) in inspect(path).missing
+    given = TopicsConfig(clock_offset=3600.0)
+    with (
+        open_recording(plain_recording) as plain,
+        open_recording(path, topics=given) as recording,
+    ):
+        assert np.array_equal(recording.depth_stamps(), plain.depth_stamps())
+        assert recording.warnings == []
+    assert not inspect(path, topics=given).missing
+
+
+def test_a_held_camera_that_moves_all_the_time(tmp_path: Path, real_recordings: Path) -> None:
+    """What a real camera sees changes with its motion: 0.4 s are found from the images alone."""
+    source = real_recordings / "kitchen_near_end.mcap"
+    path = rewrite(source, tmp_path / "r.mcap", behind(0.4, *CAMERA))
+    with open_recording(source) as plain, open_recording(path) as recording:
+        off = (recording.depth_stamps() - plain.depth_stamps()) / SECOND
+        if np.abs(off).max() > 0.1:  # the motion is too even to tell: then nothing was touched
+            assert np.allclose(off, -0.4)
+        codes = {each.code for each in recording.warnings} - {w.code for w in plain.warnings}
+        assert codes <= {"recording.clock"}
+
+
+def way_of_stops() -> Way:
+    """Return a drive that moves for two seconds and stands for two, 40 s long."""
+    stamps = np.arange(0, 40 * SECOND, SECOND // 50, dtype=np.int64)
+    speed = ((stamps // (2 * SECOND)) % 2 == 0) * 0.3
+    metres = np.cumsum(speed) / 50
+    return Way(stamps, metres, np.ones(len(stamps), dtype=bool))
+
+
+@pytest.mark.parametrize("offset_s", [0.0, 0.27, -0.8, 5000.0])
+def test_the_offset_from_changes(offset_s: float) -> None:
+    """Noisy changes give the offset to a hundredth; changes at random give none."""
+    rng = np.random.default_rng(1)
+    way = way_of_stops()
+    true = np.arange(2 * SECOND, 38 * SECOND, SECOND // 15, dtype=np.int64)
+    change = np.abs(np.diff(np.interp(true, way.stamps_ns, way.metres)))
+    change = change * rng.uniform(0.5, 2.0, len(change)) + rng.uniform(0, 0.004, len(change))
+    stamped = true - round(offset_s * SECOND)
+    pairs = stamped[:-1], stamped[1:]
+    found = offset_by_change(*pairs, change, way, about_s=offset_s + 0.15)
+    assert found == pytest.approx(offset_s, abs=0.02)
+    shuffled = rng.permutation(change)
+    assert offset_by_change(*pairs, shuffled, way, about_s=offset_s) is None
+
+
+def test_stops_and_what_lies_beside_them() -> None:
+    """Images in the middle of stops are at stops, one in motion is not, nor one off the drive."""
+    stops = (np.arange(1, 9) * 4 + 3) * SECOND
+    assert stands_at(stops, way_of_stops())
+    assert not stands_at(stops + 2 * SECOND, way_of_stops())
+    assert not stands_at(stops + 3600 * SECOND, way_of_stops())
+
+
+def test_lags_are_bounded() -> None:
+    """Of a million messages a few thousand lags are kept, over all of the drive."""
+    lags = Lags()
+    for lag in range(100_000):
+        lags.add(lag * 1000)
+    kept = lags.seconds()
+    assert 1000 < len(kept) <= 4096
+    assert kept[-1] > 0.95 * 0.1
