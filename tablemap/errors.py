@@ -110,6 +110,9 @@ WARNING_CODES: dict[str, str] = {
     "registration.placement": (
         "The localisation disagrees with itself; the table's place in the map is uncertain."
     ),
+    "accuracy.localisation": (
+        "The localisation wandered by decimetres or metres: the table's place in the map is unsure."
+    ),
     "outline.view_without_edges": "A view that sees the table gave no edge of its top.",
     "accuracy.unchecked_poses": (
         "No snapshot passed the registration's check; the figures rest on unchecked poses."

@@ -25,6 +25,7 @@ from tablemap.stages.snapshots import Snapshot
 _LEAST_STOP_POINTS = 40
 _DEPTH_EXCESS = 2.0
 """Real errors of poses from depth alone over their formal sigmas, as measured on real drives."""
+_LOST, _LOST_SHARE = 0.3, 1 / 3  # metres, and share of views: a localisation that is lost
 _WANDERS = 0.10  # metres: a localisation that spreads further is worth a warning
 
 
@@ -177,8 +178,16 @@ def _doubts(
             code = "accuracy.registration_failed"
             warnings.append(ProcessWarning(code, "registration", message, snapshot.stamp_ns))
     apart = np.array([pose.as_array()[:2] for pose in poses]) - localised[:, :2]
-    spread = float(np.median(np.linalg.norm(apart, axis=1)))
-    if spread > _WANDERS:
+    off = np.linalg.norm(apart, axis=1)
+    spread, far = float(np.median(off)), int(np.sum(off > _LOST))
+    if far > _LOST_SHARE * len(off):
+        message = (
+            f"{far} of {len(off)} localised poses lie more than {_LOST} m from the registered ones "
+            f"(up to {off.max():.1f} m): the localisation wandered, and the table's place in the "
+            "map is hardly known"
+        )
+        warnings.append(ProcessWarning("accuracy.localisation", "registration", message))
+    elif spread > _WANDERS:
         message = (
             f"the localised poses lie {1e3 * spread:.0f} mm (median) from the registered ones; "
             "the table's place in the map is as uncertain as this"

@@ -98,6 +98,36 @@ def test_a_person_walking_through_raises_no_alarm() -> None:
     assert place.max() < 0.004
 
 
+def test_a_localisation_that_wanders_by_metres_is_doubted() -> None:
+    """The stops' shape is right to millimetres, but where in the map it lies is not known."""
+    drive = small(1)
+    drive.localised = drive.localised + np.linspace(0, 1, len(drive.localised))[:, None] * [
+        2,
+        -1,
+        0,
+    ]
+    result, _ = run(drive, carried(drive))
+    place, _ = errors(result, drive)
+    assert place.max() < 0.004
+    (warning,) = (w for w in result.warnings if w.code == "accuracy.localisation")
+    assert "of 6 localised poses lie more than 0.3 m" in warning.message
+
+
+def test_one_jump_of_the_localisation_is_no_doubt(
+    lap: tuple[Drive, Registration, list[object]],
+) -> None:
+    """Centimetres, or a single stop metres off, leave the place known."""
+    drive, plain, _ = lap
+    jumped = small(0)
+    last = jumped.stamps > (jumped.stop_stamps[-2] + jumped.stop_stamps[-1]) // 2
+    jumped.localised = jumped.localised + last[:, None] * np.array([1.5, 0.0, 0.0])
+    result, _ = run(jumped, carried(jumped))
+    for each in (plain, result):
+        assert "accuracy.localisation" not in [w.code for w in each.warnings]
+    middle = np.mean([pose.as_array()[:2] for pose in result.map_from_base], axis=0)
+    assert np.linalg.norm(middle - drive.truth()[:, :2].mean(axis=0)) < 0.15
+
+
 def test_a_bad_start_is_found_by_searching() -> None:
     """A stop 30 cm and 15 degrees off is noticed, searched for, and placed."""
     drive = small(2)
