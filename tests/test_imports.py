@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import subprocess
 import sys
 import tomllib
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -85,6 +87,19 @@ def test_test_modules_import_nothing_from_each_other() -> None:
     for file in Path(__file__).parent.rglob("*.py"):
         found = re.findall(r"^(?:from|import) (tests\.\S+)", file.read_text("utf-8"), flags=re.M)
         assert all(name.split(".")[1] == "making" for name in found), file
+
+
+def test_a_class_name_stands_once() -> None:
+    """A name says which class is meant, whatever module a reader comes from."""
+    package = Path(__file__).resolve().parent.parent / "tablemap"
+    names = Counter(
+        node.name.removeprefix("_")
+        for file in package.rglob("*.py")
+        for node in ast.walk(ast.parse(file.read_text("utf-8")))
+        if isinstance(node, ast.ClassDef)
+    )
+    assert len(names) > 300
+    assert [name for name, count in names.items() if count > 1] == []
 
 
 def test_nothing_says_to_install_what_belongs_to_another_project() -> None:

@@ -15,7 +15,7 @@ from tablemap.review.budget import bars
 from tablemap.review.clouds import closed, raised, thinned
 from tablemap.review.stream import Stream
 from tablemap.stages.outline import Outline, ViewEdges
-from tablemap.stages.surface import Figure, Surface, SurfaceEdge
+from tablemap.stages.surface import FittedFigure, Surface, SurfaceEdge
 
 LIFT = 0.003
 RESIDUAL_LIMIT = 0.005
@@ -235,7 +235,7 @@ def _log_unrolled(stream: Stream, surface: Surface) -> None:
     )
 
 
-def _log_budget(stream: Stream, figures: Mapping[str, Figure]) -> None:
+def _log_budget(stream: Stream, figures: Mapping[str, FittedFigure]) -> None:
     """Draw one bar a figure: the parts of its variance, 100 units wide."""
     drawn = bars(figures)
     if not drawn:

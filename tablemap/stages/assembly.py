@@ -19,7 +19,7 @@ from tablemap.stages.outline import Outline
 from tablemap.stages.registration import Registration
 from tablemap.stages.segmentation import Segmentation
 from tablemap.stages.snapshots import Snapshot, Snapshots
-from tablemap.stages.surface import Figure, Surface
+from tablemap.stages.surface import FittedFigure, Surface
 
 _CREDIBLE_SIGMAS = 1.0  # of the registration, RMS over all corrections
 
@@ -157,7 +157,7 @@ def _points(places: Floats) -> tuple[m.Point, ...]:
     return tuple((float(x), float(y)) for x, y in places)
 
 
-def _dimension(figure: Figure) -> m.Dimension:
+def _dimension(figure: FittedFigure) -> m.Dimension:
     return m.Dimension(
         value=figure.value, sigma=figure.sigma, status=figure.status, budget=figure.budget
     )

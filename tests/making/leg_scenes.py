@@ -14,7 +14,7 @@ from tablemap.recording.messages import Image, LaserScan
 from tablemap.stages.odometry import Trajectory
 from tablemap.stages.registration import Registration
 from tablemap.stages.snapshots import Camera, Snapshot
-from tablemap.stages.surface import Figure, Surface
+from tablemap.stages.surface import FittedFigure, Surface
 from tests.making.casting import Box, Drum, World, looking
 
 BASE_FROM_LASER = np.eye(4)
@@ -137,7 +137,7 @@ def surface_of(scene: Scene, map_from_base: dict[int, Pose2]) -> Surface:
         shape=scene.shape,
         pose=scene.table,
         covariance=np.eye(3) * 1e-6,
-        height=Figure(scene.height, 0.001),
+        height=FittedFigure(scene.height, 0.001),
         thickness=None,
         dimensions={},
         corner_radius=None,

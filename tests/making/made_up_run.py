@@ -20,7 +20,7 @@ from tablemap.recording.messages import CompressedImage, Image, LaserScan
 from tablemap.review.images import encode_depth
 from tablemap.stages.calibration import Calibration
 from tablemap.stages.calibration.adjustment import FIELD, Beliefs, Common, unadjusted
-from tablemap.stages.calibration.result import Residuals
+from tablemap.stages.calibration.result import LevelResiduals
 from tablemap.stages.crosscheck import CrossCheck
 from tablemap.stages.legs import Leg, Legs, RejectedCluster
 from tablemap.stages.odometry import Odometry, OdometryMap, OdometryScan, Trajectory
@@ -42,7 +42,7 @@ from tablemap.stages.segmentation import (
     ViewSegmentation,
 )
 from tablemap.stages.snapshots import Camera, SetAside, Snapshot, Snapshots
-from tablemap.stages.surface import Figure, Primitive, Surface, SurfaceEdge
+from tablemap.stages.surface import FittedFigure, Primitive, Surface, SurfaceEdge
 from tests.making.casting import Box, World, cast_level, looking
 from tests.making.models import rectangle_model
 
@@ -285,8 +285,8 @@ def _calibration(shots: tuple[Snapshot, ...]) -> Calibration:
         snapshots=shots,
         warnings=(),
         turns=np.zeros(len(shots)),
-        floor=Residuals(before=bowl, after=0.1 * bowl),
-        top=Residuals(before=0.5 * bowl, after=0.05 * bowl),
+        floor=LevelResiduals(before=bowl, after=0.1 * bowl),
+        top=LevelResiduals(before=0.5 * bowl, after=0.05 * bowl),
         sees_top=True,
     )
 
@@ -532,8 +532,8 @@ def _surface(poses: tuple[Pose2, ...], rng: np.random.Generator) -> Surface:
     angles = np.linspace(0, 2 * np.pi, 73)[:-1]
     oval = TABLE.apply(np.column_stack([0.62 * np.cos(angles), 0.45 * np.sin(angles)]))
     dimensions = {
-        "length": Figure(LENGTH, 0.002, budget={"noise": 1e-6, "depth": 2e-6, "mount": 1e-6}),
-        "width": Figure(WIDTH, 0.0015, "inferred"),
+        "length": FittedFigure(LENGTH, 0.002, budget={"noise": 1e-6, "depth": 2e-6, "mount": 1e-6}),
+        "width": FittedFigure(WIDTH, 0.0015, "inferred"),
     }
     candidates = (
         filled(Primitive, "rectangle", TABLE, dimensions, corners, 410.0, 0.98, 0.97, residuals),
@@ -541,7 +541,7 @@ def _surface(poses: tuple[Pose2, ...], rng: np.random.Generator) -> Surface:
             Primitive,
             "ellipse",
             TABLE,
-            {"major": Figure(1.24, 0.01), "minor": Figure(0.9, 0.01)},
+            {"major": FittedFigure(1.24, 0.01), "minor": FittedFigure(0.9, 0.01)},
             oval,
             2200.0,
             0.0,
@@ -552,7 +552,7 @@ def _surface(poses: tuple[Pose2, ...], rng: np.random.Generator) -> Surface:
             Primitive,
             "parallelogram",
             TABLE,
-            {**dimensions, "angle": Figure(1.571, 0.002)},
+            {**dimensions, "angle": FittedFigure(1.571, 0.002)},
             corners,
             418.0,
             0.02,
@@ -565,7 +565,7 @@ def _surface(poses: tuple[Pose2, ...], rng: np.random.Generator) -> Surface:
         "rectangle",
         TABLE,
         np.diag([1e-6, 2e-6, 1e-6]),
-        Figure(HEIGHT, 0.001),
+        FittedFigure(HEIGHT, 0.001),
         None,
         dimensions,
         None,
@@ -609,9 +609,12 @@ def _legs(rng: np.random.Generator) -> Legs:
     for k, (x, y) in enumerate(leg_places()):
         angles = rng.uniform(0, 2 * np.pi, 60)
         points = np.array([x, y]) + 0.025 * np.column_stack([np.cos(angles), np.sin(angles)])
-        shape, size = ("circle", {"diameter": Figure(0.05, 0.001)})
+        shape, size = ("circle", {"diameter": FittedFigure(0.05, 0.001)})
         if k == 3:
-            shape, size = "rectangle", {"length": Figure(0.05, 0.001), "width": Figure(0.05, None)}
+            shape, size = (
+                "rectangle",
+                {"length": FittedFigure(0.05, 0.001), "width": FittedFigure(0.05, None)},
+            )
         legs.append(
             filled(
                 Leg,

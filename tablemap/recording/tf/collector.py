@@ -32,7 +32,7 @@ FARTHEST = 1e6
 
 
 @dataclass
-class _Samples:
+class _PoseSamples:
     """The samples of an edge from one publisher: stamps, seven numbers each, and the last one."""
 
     stamps: array[int] = field(default_factory=lambda: array("q"))
@@ -71,7 +71,7 @@ class TransformCollector:
         self.rejected: Counter[tuple[str, str, str]] = Counter()
         self.lags: dict[tuple[str, str], Lags] = {}
         self._misnamed: dict[tuple[str, str], int] = {}
-        self._edges: dict[tuple[str, str], dict[_Sender, _Samples]] = {}
+        self._edges: dict[tuple[str, str], dict[_Sender, _PoseSamples]] = {}
         self._taken = 0
 
     def add(
@@ -97,7 +97,7 @@ class TransformCollector:
             )
         sender = _Sender(namespace, publisher, transform.is_static)
         if sender not in senders:
-            senders[sender] = _Samples()
+            senders[sender] = _PoseSamples()
         values = array("d", (*transform.translation, *transform.rotation))
         self._taken += 1
         senders[sender].add(transform.stamp_ns, values, self._taken)
@@ -156,7 +156,9 @@ class TransformCollector:
         more = f" and of {len(shown) - 3} more frames" if len(shown) > 3 else ""
         return f"{', '.join(shown[:3])}{more} were left out, as they are no rigid motions."
 
-    def _edge(self, key: tuple[str, str], senders: dict[_Sender, _Samples]) -> TransformEdge | None:
+    def _edge(
+        self, key: tuple[str, str], senders: dict[_Sender, _PoseSamples]
+    ) -> TransformEdge | None:
         moving: list[Track] = []
         static: list[Track] = []
         for sender, samples in sorted(senders.items(), key=lambda each: each[1].latest):
@@ -177,7 +179,7 @@ class TransformCollector:
         return TransformEdge(*key, stamps, places, turns, _conflict(key, source))
 
 
-def _sound(samples: _Samples) -> tuple[Track, Counter[str]]:
+def _sound(samples: _PoseSamples) -> tuple[Track, Counter[str]]:
     """Return the valid samples in their order, and the number of others by reason."""
     stamps = np.array(samples.stamps, dtype=np.int64)
     poses = np.array(samples.poses).reshape(-1, 7)

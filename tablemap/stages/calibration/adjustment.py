@@ -16,7 +16,7 @@ import numpy as np
 
 from tablemap.geometry import Bools, Floats
 from tablemap.stages.calibration.field import TERMS, DepthField, bending_size, prior_sigmas
-from tablemap.stages.calibration.levels import Samples
+from tablemap.stages.calibration.levels import LevelSamples
 
 WIDE_GATES_M = (0.06, 0.04, 0.03, 0.02, 0.015, 0.012, 0.012)
 CLOSE_GATES_M = (0.015, 0.012, 0.010, 0.010, 0.010)
@@ -122,7 +122,7 @@ def unadjusted(beliefs: Beliefs, views: int) -> Adjustment:
 
 
 def adjust(
-    samples: Samples, beliefs: Beliefs, *, gates: tuple[float, ...] = WIDE_GATES_M
+    samples: LevelSamples, beliefs: Beliefs, *, gates: tuple[float, ...] = WIDE_GATES_M
 ) -> Adjustment:
     """Fit camera, depth field and top to the samples of all views.
 
@@ -160,7 +160,7 @@ def _prior(beliefs: Beliefs, size: float, top: float) -> tuple[Floats, Floats]:
     return mean, sigma
 
 
-def residuals(samples: Samples, values: Floats, own: Floats) -> Floats:
+def residuals(samples: LevelSamples, values: Floats, own: Floats) -> Floats:
     """Return the (n,) heights of the samples above the surface that they lie on, metres."""
     common = Common(*values[: len(NAMES)])
     tilts = view_tilts(samples.headings, common, own)
@@ -192,7 +192,7 @@ def view_tilts(headings: Floats, common: Common, own: Floats) -> Floats:
     )
 
 
-def _rows(samples: Samples, values: Floats) -> Floats:
+def _rows(samples: LevelSamples, values: Floats) -> Floats:
     """Return the derivatives (COUNT, n) of the residuals by the common unknowns.
 
     They are computed at the intersection of ray and surface, not at the noisy depth: a regressor
@@ -221,7 +221,7 @@ _OWN = [PLACE["roll"], PLACE["pitch"], PLACE["height"]]
 
 
 def _solve(
-    samples: Samples,
+    samples: LevelSamples,
     beliefs: Beliefs,
     size: float,
     view_sigma: tuple[float, float],

@@ -27,7 +27,7 @@ RIM_PX = 9  # side faces and mixed pixels are no part of the top
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class LevelSamples:
     """Samples of level surfaces, sorted by view.
 
     arms: (n, 3), from the camera, metres, in base axes that turn with the head
@@ -85,7 +85,7 @@ class Samples:
         """Return `beyond` for rays that are ``reach`` times as long."""
         return self.depth * reach - REFERENCE_M
 
-    def in_base_axes(self) -> Samples:
+    def in_base_axes(self) -> LevelSamples:
         """Return the same samples in axes that do not turn with the head."""
         arms = turned(self.arms, self.turns[self.view])
         headings = self.headings - self.turns
@@ -117,13 +117,13 @@ def collect(
     *,
     corrected: tuple[Snapshot, ...] | None = None,
     top: SeenTop | None = None,
-) -> Samples | None:
+) -> LevelSamples | None:
     """Gather the pixels of floor and top of every view, with the recorded depth.
 
     Level pixels near z = 0 are floor. If ``corrected`` snapshots are given, they decide about this,
     within a narrower band. Returns None if there is neither floor nor top.
     """
-    parts: list[_Part] = []
+    parts: list[_ViewSamples] = []
     steps: list[float] = []
     thin = max(1, round(np.sqrt(len(snapshots) * 12_000 / MOST_FLOOR)))
     pixels = 0
@@ -160,8 +160,8 @@ def collect(
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
-    """The samples of one surface in one view, with the fields of `Samples`."""
+class _ViewSamples:
+    """The samples of one surface in one view, with the fields of `LevelSamples`."""
 
     arms: Floats
     depth: Floats
@@ -217,7 +217,7 @@ def _part(
     uneven: float,
     *,
     is_top: bool = False,
-) -> _Part:
+) -> _ViewSamples:
     u, v = image_coordinates(snapshot.camera)
     rows, columns = np.nonzero(chosen)
     here = arms[chosen].astype(np.float64)
@@ -226,7 +226,7 @@ def _part(
     sigma = np.hypot(noise[chosen].astype(np.float64) * np.abs(steep), uneven)
     share = min(1.0, (STRIDE_PX * every / BLOCK_PX) ** 2)
     in_base = here[:, :2] + snapshot.base_from_camera[:2, 3]
-    return _Part(
+    return _ViewSamples(
         arms=here,
         depth=far,
         terms=terms(u[columns * STRIDE_PX], v[rows * STRIDE_PX]),
@@ -240,12 +240,12 @@ def _part(
 
 
 def _together(
-    parts: list[_Part],
+    parts: list[_ViewSamples],
     snapshots: tuple[Snapshot, ...],
     pixels: int,
     step: float,
     top: SeenTop | None,
-) -> Samples:
+) -> LevelSamples:
     view = np.concatenate([part.view for part in parts])
     is_top = np.concatenate([part.is_top for part in parts])
     arms = np.concatenate([part.arms for part in parts])
@@ -258,7 +258,7 @@ def _together(
     turns = turned_left(np.stack([snapshot.base_from_camera for snapshot in snapshots]))
     if turns.any():
         arms = turned(arms, -turns[view])
-    return Samples(
+    return LevelSamples(
         arms=arms,
         depth=np.concatenate([part.depth for part in parts]),
         terms=np.concatenate([part.terms for part in parts], axis=1),

@@ -31,7 +31,7 @@ class TopBelief:
 
 
 @dataclass(frozen=True, eq=False)
-class Residuals:
+class LevelResiduals:
     """Heights of floor or top above level, in blocks of the image: metres, NaN where not seen.
 
     before: (rows, columns), as recorded but for the camera's common tilt and height
@@ -68,8 +68,8 @@ class Calibration:
     snapshots: tuple[Snapshot, ...]
     warnings: tuple[ProcessWarning, ...]
     turns: Floats
-    floor: Residuals | None = None
-    top: Residuals | None = None
+    floor: LevelResiduals | None = None
+    top: LevelResiduals | None = None
     sees_top: bool = False
     floor_z: float = 0.0
 

@@ -27,8 +27,8 @@ from tablemap.stages.calibration.adjustment import (
 )
 from tablemap.stages.calibration.field import REFERENCE_M
 from tablemap.stages.calibration.level import floor_level, lowered
-from tablemap.stages.calibration.levels import Samples, SeenTop, collect
-from tablemap.stages.calibration.result import Calibration, Residuals
+from tablemap.stages.calibration.levels import LevelSamples, SeenTop, collect
+from tablemap.stages.calibration.result import Calibration, LevelResiduals
 from tablemap.stages.snapshots import Snapshot
 from tablemap.stages.snapshots.noise import coarse_step
 
@@ -174,7 +174,7 @@ def _is_held(snapshots: tuple[Snapshot, ...], config: CalibrationConfig) -> bool
 
 def _calibrated(
     snapshots: tuple[Snapshot, ...],
-    samples: Samples | None,
+    samples: LevelSamples | None,
     beliefs: Beliefs,
     config: CalibrationConfig,
 ) -> Calibration:
@@ -194,7 +194,7 @@ def _calibrated(
     return _result(snapshots, samples, adjustment, beliefs, ())
 
 
-def _in_its_axes(samples: Samples, beliefs: Beliefs) -> tuple[Samples, Adjustment]:
+def _in_its_axes(samples: LevelSamples, beliefs: Beliefs) -> tuple[LevelSamples, Adjustment]:
     """Adjust in the axes of the head or of the base, whichever fit better.
 
     If the camera is tilted on its head, the error turns with the head; if the base leans, it does
@@ -209,12 +209,12 @@ def _in_its_axes(samples: Samples, beliefs: Beliefs) -> tuple[Samples, Adjustmen
     return samples, best
 
 
-def _disagreement(samples: Samples, adjustment: Adjustment) -> float:
+def _disagreement(samples: LevelSamples, adjustment: Adjustment) -> float:
     residual = residuals(samples, adjustment.values, adjustment.own)
     return float(np.sum(samples.weight * np.minimum(np.abs(residual), WIDE_GATES_M[-1]) ** 2))
 
 
-def _adjusted(samples: Samples, beliefs: Beliefs) -> Adjustment:
+def _adjusted(samples: LevelSamples, beliefs: Beliefs) -> Adjustment:
     """Adjust to the floor, and not to a platform.
 
     The search begins with a wide band. If its result is implausible and there is also a plane close
@@ -238,7 +238,7 @@ def _strain(adjustment: Adjustment, beliefs: Beliefs) -> float:
     return float(np.max(np.abs([*strains, scale])))
 
 
-def _support(samples: Samples, adjustment: Adjustment) -> int:
+def _support(samples: LevelSamples, adjustment: Adjustment) -> int:
     residual = residuals(samples, adjustment.values, adjustment.own)
     return int((np.abs(residual) < WIDE_GATES_M[-1] + samples.sigma).sum())
 
@@ -290,7 +290,7 @@ def _believed(result: Calibration, config: CalibrationConfig) -> Calibration:
 
 def _result(
     snapshots: tuple[Snapshot, ...],
-    samples: Samples | None,
+    samples: LevelSamples | None,
     adjustment: Adjustment,
     beliefs: Beliefs,
     warnings: tuple[ProcessWarning, ...],
@@ -339,7 +339,9 @@ def _recorded(adjustment: Adjustment) -> Floats:
     return values
 
 
-def _maps(samples: Samples, first: Floats, last: Floats, chosen: Bools) -> Residuals | None:
+def _maps(
+    samples: LevelSamples, first: Floats, last: Floats, chosen: Bools
+) -> LevelResiduals | None:
     """Average the residuals of all views in blocks of the image."""
     near = chosen & (np.abs(last) < _SHOWN_M)
     if not near.any():
@@ -355,7 +357,7 @@ def _maps(samples: Samples, first: Floats, last: Floats, chosen: Bools) -> Resid
         total = np.bincount(block, weights=values[near], minlength=rows * columns)
         return (total / count).reshape(rows, columns)
 
-    return Residuals(before=mean(first), after=mean(last))
+    return LevelResiduals(before=mean(first), after=mean(last))
 
 
 _SHOWN_M = 0.03

@@ -16,7 +16,7 @@ from tablemap.stages.legs.layout import Frame, symmetric_sets
 from tablemap.stages.legs.posts import DEPTH_SYMMETRY
 from tablemap.stages.legs.result import Leg
 from tablemap.stages.legs.scans import Scans
-from tablemap.stages.surface import Figure
+from tablemap.stages.surface import FittedFigure
 
 _LASER_SYMMETRY = 0.03  # metres: like `DEPTH_SYMMETRY`, for legs that the laser placed
 _SYMMETRY_SIGMA = 0.01  # metres: real legs stand off their symmetric places by so much
@@ -58,7 +58,7 @@ def infer_missing(
         if open_view.passed > open_view.hit:
             return []
         figures = {
-            name: Figure(figure.value, figure.sigma, "inferred")
+            name: FittedFigure(figure.value, figure.sigma, "inferred")
             for name, figure in pattern.dimensions.items()
         }
         spread = max((leg.position_sigma or 0.0 for leg in legs), default=0.0)

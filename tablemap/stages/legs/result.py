@@ -8,7 +8,7 @@ from typing import Literal
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats
 from tablemap.model import Status
-from tablemap.stages.surface import Figure
+from tablemap.stages.surface import FittedFigure
 
 SeenBy = Literal["laser", "depth", "nothing"]
 """The sensor that a leg's place comes from."""
@@ -35,7 +35,7 @@ class Leg:
     yaw: float
     status: Status
     position_sigma: float | None
-    dimensions: dict[str, Figure]
+    dimensions: dict[str, FittedFigure]
     points: Floats
     views: int
     seen_by: SeenBy = "laser"

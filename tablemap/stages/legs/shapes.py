@@ -19,7 +19,7 @@ from tablemap.stages.legs.primitives import described, has_yaw, sizes_of
 from tablemap.stages.legs.result import Leg, SeenBy
 from tablemap.stages.legs.scans import Scans
 from tablemap.stages.registration import Registration
-from tablemap.stages.surface import Figure
+from tablemap.stages.surface import FittedFigure
 
 _YAW_SIGMA = np.radians(2.0)
 _SIZE_SYSTEMATIC = 0.0003  # metres: error of a leg's size that no residual shows
@@ -245,7 +245,7 @@ def measured_leg(
         status="measured",
         position_sigma=place,
         dimensions={
-            name: Figure(float(values[i]), float(np.hypot(sigma[i], size_systematic)))
+            name: FittedFigure(float(values[i]), float(np.hypot(sigma[i], size_systematic)))
             for name, i in sides.items()
         },
         points=points,

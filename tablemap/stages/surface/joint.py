@@ -11,8 +11,8 @@ from tablemap.geometry import Floats, Ints
 from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.nuisances import CommonNuisances, ViewCorrections
 from tablemap.stages.surface.residuals import (
+    EdgeResiduals,
     Noise,
-    Residuals,
     State,
     linearise,
     observe,
@@ -90,7 +90,7 @@ class Spread:
 class _Held:
     """The fit's problem at one state: the residuals, their cost, and the anchors' terms."""
 
-    seen: Residuals
+    seen: EdgeResiduals
     cost: float
     data_cost: float
     prior_cost: float

@@ -59,7 +59,7 @@ class State:
 
 
 @dataclass(frozen=True, eq=False)
-class Residuals:
+class EdgeResiduals:
     """Edge points as a state places them, and their residuals.
 
     points, normals: (N, 2), metres relative to the origin, and outward unit vectors
@@ -85,7 +85,7 @@ class Residuals:
     squared: Floats
 
 
-def observe(state: State, evidence: Evidence, config: SurfaceConfig, noise: Noise) -> Residuals:
+def observe(state: State, evidence: Evidence, config: SurfaceConfig, noise: Noise) -> EdgeResiduals:
     """Place all edge points by a state's nuisances and measure them against its shape."""
     correction = ViewCorrections.unpack(evidence.prior_root @ state.whitened)
     common = CommonNuisances.unpack(state.common)
@@ -118,7 +118,7 @@ def observe(state: State, evidence: Evidence, config: SurfaceConfig, noise: Nois
     sigma = noise.sigma(evidence) * stretch
     squared = (measure.distance**2 + measure.excess**2) / sigma**2
     squared = np.where(stray, _STRAY**2, np.minimum(squared, _STRAY**2))
-    return Residuals(
+    return EdgeResiduals(
         state, points, normals, local, cosine, sine, measure, facing, stray, stretch, sigma, squared
     )
 
@@ -136,7 +136,7 @@ def prior_cost(state: State, evidence: Evidence) -> float:
 
 
 def linearise(
-    seen: Residuals, evidence: Evidence, gate: float, noise: Noise
+    seen: EdgeResiduals, evidence: Evidence, gate: float, noise: Noise
 ) -> tuple[Floats, Floats]:
     """Return the normal equations' matrix and gradient, priors of the nuisances included.
 

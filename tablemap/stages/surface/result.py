@@ -9,12 +9,14 @@ from tablemap.geometry import Floats, Pose2
 
 
 @dataclass(frozen=True)
-class Figure:
+class FittedFigure:
     """A value with its standard deviation (None: no data supports one).
 
-    ``status`` is ``measured``, ``inferred`` (seen at one end, or by symmetry) or ``unseen`` (then
-    the value is a bound). ``budget`` are the parts of the variance by cause (see
-    `tablemap.stages.surface.budget`); their sum is sigma squared.
+    - ``value``, ``sigma``: metres, or radians of an angle
+    - ``status``: ``measured``; ``inferred``: seen at one end, or by symmetry; ``unseen``: the value
+      is a bound
+    - ``budget``: the parts of the variance by cause (`stages.surface.budget`); their sum is
+      sigma squared
     """
 
     value: float
@@ -45,13 +47,13 @@ class Primitive:
 
     shape: str
     pose: Pose2
-    dimensions: dict[str, Figure]
+    dimensions: dict[str, FittedFigure]
     outline: Floats
     cost: float
     score: float
     inlier_fraction: float
     residuals: Floats
-    corner_radius: Figure | None = None
+    corner_radius: FittedFigure | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,10 +71,10 @@ class Surface:
     shape: str
     pose: Pose2
     covariance: Floats
-    height: Figure
-    thickness: Figure | None
-    dimensions: dict[str, Figure]
-    corner_radius: Figure | None
+    height: FittedFigure
+    thickness: FittedFigure | None
+    dimensions: dict[str, FittedFigure]
+    corner_radius: FittedFigure | None
     outline: Floats
     edges: tuple[SurfaceEdge, ...]
     score: float

@@ -19,7 +19,7 @@ from tablemap.stages.surface.evidence import Evidence, gather
 from tablemap.stages.surface.inner import inner_edges
 from tablemap.stages.surface.joint import JointFit, corrected_poses
 from tablemap.stages.surface.motion import Mounting
-from tablemap.stages.surface.result import Figure, Primitive, Surface, SurfaceEdge
+from tablemap.stages.surface.result import FittedFigure, Primitive, Surface, SurfaceEdge
 from tablemap.stages.surface.shapes.shape import Shape, signed_distance
 from tablemap.stages.surface.shapes.sides import INFERRED, MEASURED, UNSEEN
 from tablemap.stages.surface.shapes.straight import Sided
@@ -67,7 +67,7 @@ def fit_surface(
         thickness=(
             None
             if outline.thickness is None
-            else Figure(outline.thickness, _finite(outline.thickness_sigma))
+            else FittedFigure(outline.thickness, _finite(outline.thickness_sigma))
         ),
         dimensions=figures,
         corner_radius=radius,
@@ -90,18 +90,18 @@ def fit_surface(
     )
 
 
-def _height(outline: Outline, chosen: Candidate) -> Figure:
+def _height(outline: Outline, chosen: Candidate) -> FittedFigure:
     """Correct the height by the fitted scale: the distance of the top from the camera."""
     camera = outline.camera
     if camera is None:
-        return Figure(outline.height, _finite(outline.height_sigma))
+        return FittedFigure(outline.height, _finite(outline.height_sigma))
     prior = camera.covariance[:2, :2]
     gain = float(prior[0, 1]) / max(float(prior[1, 1]), 1e-12)
     learnt = gain**2 * max(float(prior[1, 1]) - chosen.spread.scale_sigma**2, 0.0)
     depth = max(float(prior[0, 0]) - learnt, 0.0)
     views = max(outline.height_sigma**2 - float(prior[0, 0]), 0.0)
     sigma = _finite(float(np.sqrt(depth + views)))
-    return Figure(
+    return FittedFigure(
         outline.height + gain * chosen.fit.nuisances.scale,
         sigma,
         budget=None if sigma is None else {"noise": views, "depth": depth},
@@ -141,7 +141,7 @@ def _pose(shape: Shape, evidence: Evidence) -> Pose2:
 
 def _figures(
     candidate: Candidate, config: SurfaceConfig
-) -> tuple[dict[str, Figure], Figure | None]:
+) -> tuple[dict[str, FittedFigure], FittedFigure | None]:
     if candidate.is_hull:
         return {}, None
     fit, record = candidate.fit, candidate.fit.shape.record
@@ -163,7 +163,7 @@ def _figures(
         sigma = float(np.hypot(np.sqrt(max(variance[index], 0.0)), extra))
         # If nothing bounds a side from outside, the covariance says nothing about its figure.
         is_open = status[name] == UNSEEN and (unbounded or sigma > value)
-        figures[name] = Figure(value, None if is_open else sigma, status[name])
+        figures[name] = FittedFigure(value, None if is_open else sigma, status[name])
     radius = figures.pop("corner_radius", None)
     return figures, radius
 
@@ -174,7 +174,7 @@ def _budgeted(
     scores: Sequence[float],
     evidence: Evidence,
     config: SurfaceConfig,
-) -> tuple[dict[str, Figure], Figure | None]:
+) -> tuple[dict[str, FittedFigure], FittedFigure | None]:
     """Return the figures of the chosen shape with the parts of their variance.
 
     Two parts are added that the fit's covariance lacks: other shapes that explain the edges nearly
@@ -282,7 +282,7 @@ def _doubts(
     chosen: Candidate,
     primitives: list[Primitive],
     edges: tuple[SurfaceEdge, ...],
-    figures: dict[str, Figure],
+    figures: dict[str, FittedFigure],
     evidence: Evidence,
     config: SurfaceConfig,
 ) -> list[ProcessWarning]:
@@ -342,7 +342,7 @@ def _doubts(
 def _partly_seen(
     chosen: Candidate,
     edges: tuple[SurfaceEdge, ...],
-    figures: dict[str, Figure],
+    figures: dict[str, FittedFigure],
     config: SurfaceConfig,
 ) -> list[tuple[str, str]]:
     """Warn of sides that were not seen, or only in part; doubt the figures that depend on them."""

@@ -12,7 +12,7 @@ from tablemap.geometry import Floats, Pose2
 from tablemap.stages.crosscheck import CrossCheck, admitted_legs, corrected, cross_check
 from tablemap.stages.legs import Leg, Legs, find_legs
 from tablemap.stages.outline import Outline
-from tablemap.stages.surface import Figure, fit_surface
+from tablemap.stages.surface import FittedFigure, fit_surface
 from tests.making.edges import Bench, Table, box_table, ellipse_table, observe
 from tests.making.leg_scenes import Scene, drive, four
 
@@ -189,7 +189,7 @@ def test_legs_admit_what_was_found_of_the_camera() -> None:
     table = box_table(1.2, 0.8, Pose2())
     outline, registration = observe(table, LAP, np.random.default_rng(0))
     surface = fit_surface(outline, registration, config=SurfaceConfig(), sensors=SENSORS, seed=0)
-    size = {"diameter": Figure(0.05, 0.001)}
+    size = {"diameter": FittedFigure(0.05, 0.001)}
     leg = Leg("circle", 0.6, 0.3, 0.0, "measured", 0.0005, size, np.zeros((0, 2)), 8)
     posted = replace(leg, seen_by="depth")
     legs = Legs((leg, posted), (), np.zeros((0, 2)), ())

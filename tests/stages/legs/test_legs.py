@@ -16,7 +16,7 @@ from tablemap.stages.legs.adjoining import find_adjoining
 from tablemap.stages.legs.depth import Reach
 from tablemap.stages.legs.layout import Frame
 from tablemap.stages.legs.missing import infer_missing
-from tablemap.stages.surface import Figure
+from tablemap.stages.surface import FittedFigure
 from tests.making.leg_scenes import Scene, drive, four
 
 SENSORS = SensorsConfig()
@@ -272,7 +272,7 @@ def test_a_corner_that_is_open_has_no_leg() -> None:
 
 
 def _leg(place: Floats, seen_by: str = "depth") -> Leg:
-    size = {"diameter": Figure(0.05, 0.01)}
+    size = {"diameter": FittedFigure(0.05, 0.01)}
     x, y = float(place[0]), float(place[1])
     return Leg("circle", x, y, 0.0, "measured", 0.008, size, np.zeros((0, 2)), 2, seen_by)
 
