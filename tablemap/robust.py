@@ -37,6 +37,12 @@ def geman_mcclure(squared: Floats, weight: Floats | float = 1.0) -> Floats:
     return weights
 
 
+def kernel_weight(residuals: Floats, kernel: float) -> Floats:
+    """Return (n,) weights of Geman-McClure for residuals, with the scale ``kernel`` of the loss."""
+    weights: Floats = np.square(kernel**2 / (kernel**2 + residuals**2))
+    return weights
+
+
 def tukey(ratio: Floats) -> Floats:
     """Return (n,) Tukey's weights for residuals over the cut-off: 0 from the cut-off on."""
     weights: Floats = np.square(np.clip(1 - np.square(ratio), 0, None))

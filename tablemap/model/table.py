@@ -27,8 +27,9 @@ from tablemap.model.shapes import DIMENSIONS, SectionName, ShapeName
 from tablemap.paths import AnyPath, as_path
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
+
+    from tablemap.geometry import Floats
 
 SCHEMA = "tablemap/table/1"
 NOUN = "table model"
@@ -171,7 +172,7 @@ class TableSurface(Part):
 
     def contains(
         self, x: ArrayLike, y: ArrayLike, *, frame: Literal["map", "table"] = "map"
-    ) -> NDArray[np.float64]:
+    ) -> Floats:
         """Return the probability that points lie on the top, seen from above.
 
         ``x`` and ``y`` are metres, numbers or arrays that broadcast; the result has their common

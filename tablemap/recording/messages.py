@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tablemap.geometry import Floats
+
 
 @dataclass(frozen=True, eq=False)
 class Image:
@@ -34,7 +36,7 @@ class CloudImage(Image):
     is that frame, and ``frame_id`` names the optical frame at the same place.
     """
 
-    k: NDArray[np.float64]
+    k: Floats
     body_frame: str | None
 
     @property
@@ -77,10 +79,10 @@ class CameraInfo:
     height: int
     width: int
     distortion_model: str
-    d: NDArray[np.float64]
-    k: NDArray[np.float64]
-    r: NDArray[np.float64]
-    p: NDArray[np.float64]
+    d: Floats
+    k: Floats
+    r: Floats
+    p: Floats
     binning: tuple[int, int] = (1, 1)
     roi: tuple[int, int, int, int] | None = None
 
@@ -101,7 +103,7 @@ class LaserScan:
     ranges: NDArray[np.float32]
 
     @property
-    def angles(self) -> NDArray[np.float64]:
+    def angles(self) -> Floats:
         """The (n,) beam angles in the laser's frame."""
         beams = np.arange(len(self.ranges), dtype=np.float64)
         return self.angle_min + self.angle_increment * beams

@@ -9,7 +9,7 @@ import numpy as np
 
 from tablemap import model as m
 from tablemap.errors import ProcessWarning
-from tablemap.geometry import Floats, Pose2
+from tablemap.geometry import Floats, Pose2, wrap_angles
 from tablemap.recording import Recording
 from tablemap.stages.calibration import Calibration
 from tablemap.stages.crosscheck import CrossCheck
@@ -191,7 +191,7 @@ def best_poses(registration: Registration, surface: Surface) -> dict[int, Pose2]
     steps = np.array(
         [pose.as_array() - registered[i].as_array() for i, pose in corrected.items()]
     ).reshape(-1, 3)
-    steps[:, 2] = (steps[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    steps[:, 2] = wrap_angles(steps[:, 2])
     ratios = steps / np.maximum(sigma[list(corrected)], 1e-6)
     if len(ratios) and float(np.sqrt(np.mean(ratios**2))) > _CREDIBLE_SIGMAS:
         return registered

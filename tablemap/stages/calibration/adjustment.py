@@ -15,6 +15,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from tablemap.geometry import Bools, Floats
+from tablemap.robust import geman_mcclure
 from tablemap.stages.calibration.field import TERMS, DepthField, bending_size, prior_sigmas
 from tablemap.stages.calibration.levels import LevelSamples
 
@@ -238,7 +239,7 @@ def _solve(
     for gate in gates:
         residual = residuals(samples, values, own)
         width = np.maximum(gate, 3 * samples.sigma)
-        weight = samples.weight / (1 + (residual / width) ** 2) ** 2
+        weight = geman_mcclure((residual / width) ** 2, samples.weight)
         rows = _rows(samples, values)
         weighted = rows * weight
         information = np.zeros((total, total))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
 from tablemap.config import OutlineConfig
-from tablemap.geometry import Floats
+from tablemap.geometry import Bools, Floats
 from tablemap.stages.outline.occupancy import Occupancy
 from tablemap.stages.outline.plane import ViewPlane, axial_noise
 from tablemap.stages.outline.result import EdgeKind
@@ -31,7 +31,7 @@ class Contour:
     outward: Floats
     kind: NDArray[np.uint8]
     gap: Floats
-    is_face: NDArray[np.bool_]
+    is_face: Bools
 
 
 def trace(seen: Occupancy, snapshot: Snapshot, *, config: OutlineConfig) -> Contour:
@@ -93,7 +93,7 @@ def _crossings(share: NDArray[np.float32], every: int) -> Floats:
     return np.concatenate(places).astype(np.float64).reshape(-1, 2)
 
 
-def _outward(image: NDArray[np.float32], place: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+def _outward(image: NDArray[np.float32], place: Floats) -> tuple[Floats, Bools]:
     """Return unit vectors (n, 2) down the image's gradient, and which points have a gradient."""
     if len(place) == 0:
         return np.zeros((0, 2)), np.zeros(0, dtype=bool)
@@ -110,20 +110,18 @@ def _outward(image: NDArray[np.float32], place: Floats) -> tuple[Floats, NDArray
     return step / np.maximum(length, 1e-9)[:, None], length > 0.02
 
 
-def _sample(
-    image: NDArray[np.bool_], place: Floats, step: Floats, distances: Floats
-) -> NDArray[np.bool_]:
+def _sample(image: Bools, place: Floats, step: Floats, distances: Floats) -> Bools:
     """Return (n, k): the image's nearest pixels at k distances along the points' steps."""
     at = place[:, None, :] + step[:, None, :] * distances[None, :, None]
     u = np.clip(np.round(at[..., 0]).astype(int), 0, image.shape[1] - 1)
     v = np.clip(np.round(at[..., 1]).astype(int), 0, image.shape[0] - 1)
-    taken: NDArray[np.bool_] = image[v, u]
+    taken: Bools = image[v, u]
     return taken
 
 
 def _judge(
     seen: Occupancy, snapshot: Snapshot, place: Floats, step: Floats, config: OutlineConfig
-) -> tuple[NDArray[np.uint8], Floats, NDArray[np.bool_]]:
+) -> tuple[NDArray[np.uint8], Floats, Bools]:
     """Return each crossing's kind, the number of unknown pixels near it, and a mask of real ones.
 
     A table edge has top on one side, and nothing in front close by. The top there must be deep
@@ -174,9 +172,7 @@ def _judge(
     return kind, gap, real & (support > 0.3)
 
 
-def _bends(
-    seen: Occupancy, place: Floats, step: Floats, tau: NDArray[np.float32]
-) -> NDArray[np.bool_]:
+def _bends(seen: Occupancy, place: Floats, step: Floats, tau: NDArray[np.float32]) -> Bools:
     """Tell which points have no step ahead: the depth sinks slowly out of the plane there.
 
     A side face or a floor lies centimetres lower within some pixels. The corners of real depth
@@ -195,7 +191,7 @@ def _bends(
     least = tau + np.where(inset < _BENT_BORDER_PX, _BORDER_STEP_M, _STEP_M)
     # One pixel may be a mixed one.
     second = sunk[:, -2]
-    bends: NDArray[np.bool_] = np.isfinite(second) & (second <= least)
+    bends: Bools = np.isfinite(second) & (second <= least)
     return bends
 
 
@@ -262,7 +258,7 @@ class PlacedContour:
     points: Floats
     normals: Floats
     sigma: Floats
-    is_near: NDArray[np.bool_]
+    is_near: Bools
 
 
 def place_on_plane(

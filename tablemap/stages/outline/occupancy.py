@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, maximum_filter, uniform_filter
 
 from tablemap.config import OutlineConfig, SensorsConfig
-from tablemap.geometry import Floats
+from tablemap.geometry import Bools, Floats
 from tablemap.stages.outline.plane import ViewPlane, axial_noise
 from tablemap.stages.segmentation import Label
 from tablemap.stages.snapshots import Snapshot
 
-Mask = NDArray[np.bool_]
 Floats32 = NDArray[np.float32]
 
 MARGIN_PX = 28
@@ -45,11 +44,11 @@ class Occupancy:
     height: Floats32
     fall: Floats32
     tau: Floats32
-    top: Mask
-    below: Mask
-    front: Mask
-    missing: Mask
-    bridged: Mask
+    top: Bools
+    below: Bools
+    front: Bools
+    missing: Bools
+    bridged: Bools
     share: Floats32
     smooth_top: Floats32
     border: tuple[float, float, float, float]
@@ -145,13 +144,13 @@ def _mixed(
     depth: Floats32,
     height: Floats32,
     fall: Floats32,
-    below: Mask,
+    below: Bools,
     smooth_top: Floats32,
     snapshot: Snapshot,
     rows: slice,
     columns: slice,
     config: OutlineConfig,
-) -> Mask:
+) -> Bools:
     """Find mixed pixels: they saw both the top's edge and the surface behind it.
 
     A visible side face lies between the two as well, and is kept.
@@ -191,8 +190,14 @@ def _gradient(image: Floats32, v: NDArray[np.intp], u: NDArray[np.intp]) -> Floa
 
 
 def _shadowed(
-    depth: Floats32, top: Mask, below: Mask, front: Mask, known: Mask, fx: float, baseline: float
-) -> Mask:
+    depth: Floats32,
+    top: Bools,
+    below: Bools,
+    front: Bools,
+    known: Bools,
+    fx: float,
+    baseline: float,
+) -> Bools:
     """Find missing pixels next to the top that may lie in the shadow of the sensor's projector.
 
     Such pixels lie in a row between a lower surface and the top. They are no further from the top
@@ -243,7 +248,7 @@ def _shadowed(
 
 
 def _filled(
-    top: Mask, below: Mask, shadowed: Mask, missing: Mask, config: OutlineConfig
+    top: Bools, below: Bools, shadowed: Bools, missing: Bools, config: OutlineConfig
 ) -> tuple[Floats32, Floats32]:
     """Return the smoothed top, and its share among the pixels known to be top or below.
 

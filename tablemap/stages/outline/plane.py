@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
 from tablemap.config import OutlineConfig, SensorsConfig
-from tablemap.geometry import Floats
+from tablemap.geometry import Bools, Floats
 from tablemap.robust import TUKEY_CUTOFF, mad_sigma, tukey
 from tablemap.stages.segmentation import Label, ViewSegmentation
 from tablemap.stages.snapshots import Snapshot
@@ -125,11 +125,11 @@ def fit_plane(
     )
 
 
-def _inner(top: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _inner(top: Bools) -> Bools:
     """Return the pixels whose 9 by 9 neighbourhood is top: this leaves out strips of side faces."""
     size = 9
     share = uniform_filter(top.astype(np.float32), size, mode="constant")
-    inner: NDArray[np.bool_] = share > 1 - 3.5 / size**2
+    inner: Bools = share > 1 - 3.5 / size**2
     return inner
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tablemap.errors import ProcessWarning
-from tablemap.geometry import Floats
+from tablemap.geometry import Bools, Floats
 from tablemap.stages.calibration import TopBelief
 
 
@@ -49,7 +49,7 @@ class ViewEdges:
     normals: Floats
     sigma: Floats
     kind: NDArray[np.uint8]
-    is_near: NDArray[np.bool_]
+    is_near: Bools
     pixels: Floats
     camera_xy: Floats
     drop: float
@@ -58,7 +58,7 @@ class ViewEdges:
     free: Floats
     scale_sigma: float = 0.0
 
-    def only(self, kept: NDArray[np.bool_]) -> ViewEdges:
+    def only(self, kept: Bools) -> ViewEdges:
         """Return this view with only the ``kept`` (n,) edge points."""
         return replace(
             self,

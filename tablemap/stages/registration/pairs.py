@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 from tablemap import imports
 from tablemap.events import Record
 from tablemap.geometry import Floats, Pose2, wrap_angle
+from tablemap.robust import kernel_weight
 from tablemap.stages.registration.result import Pair, PairIteration, PairKind, PairStarted, StopScan
 
 _ITERATIONS_A_GATE = 5
@@ -209,7 +210,7 @@ def weigh_pair(
         return Pair(
             source, target, kind, pose, np.zeros((3, 3)), share, 0.0, inliers, False, reason
         )
-    weight = np.square(kernel**2 / (kernel**2 + residuals**2))
+    weight = kernel_weight(residuals, kernel)
     variance = float((weight * residuals**2).sum() / max(weight.sum(), 1e-9))
     rmse = float(np.sqrt(variance))
     effective = min(1.0 / correlation, most_points / max(float(weight.sum()), 1.0))

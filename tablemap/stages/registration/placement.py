@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tablemap.geometry import Floats, Pose2, wrap_angle, wrap_angles
+from tablemap.robust import geman_mcclure
 from tablemap.stages.odometry import Trajectory
 from tablemap.stages.snapshots import is_same_place
 
@@ -81,7 +82,7 @@ def stretched(relative: Floats, localised: Floats, *, sigma: float) -> tuple[Flo
     asked = fit.inverse().apply(localised[places, :2])
     asked = asked - relative[places, :2].mean(axis=0)
     residual = asked - arms
-    weight = 1.0 / (1.0 + np.sum(residual**2, axis=1) / _KERNEL**2) ** 2
+    weight = geman_mcclure(np.sum(residual**2, axis=1) / _KERNEL**2)
     spread = float(weight @ np.sum(residual**2, axis=1)) / max(2 * float(weight.sum()), 1e-9)
     spread = max(spread, _LEAST_WANDER**2)
     information = float(weight @ np.sum(arms**2, axis=1)) / spread

@@ -10,6 +10,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial import cKDTree
 
 from tablemap.geometry import Floats, Pose2, wrap_angles
+from tablemap.robust import kernel_weight
 from tablemap.stages.registration.graph import GraphEdge, accumulate, edge_errors, edge_jacobians
 from tablemap.stages.registration.result import StopScan
 
@@ -147,7 +148,7 @@ def _correspond(
         rows[:, 5] = -(n[:, 1] * q[:, 0] - n[:, 0] * q[:, 1])
         rows[:, 5] += n[:, 0] * apart[:, 1] - n[:, 1] * apart[:, 0]
         rows[:, 6] = np.einsum("ij,ij->i", n, along)
-        weight = np.square(kernel**2 / (kernel**2 + residual**2))
+        weight = kernel_weight(residual, kernel)
         columns = np.array([3 * s, 3 * s + 1, 3 * s + 2, 3 * t, 3 * t + 1, 3 * t + 2, size - 1])
         weighted = rows.T * weight
         system[np.ix_(columns, columns)] += weighted @ rows

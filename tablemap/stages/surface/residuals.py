@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tablemap.config import SurfaceConfig
-from tablemap.geometry import Floats
+from tablemap.geometry import Bools, Floats
+from tablemap.robust import geman_mcclure
 from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.nuisances import CommonNuisances, ViewCorrections
 from tablemap.stages.surface.shapes.shape import Measure, Shape
@@ -79,7 +79,7 @@ class EdgeResiduals:
     sine: Floats
     measure: Measure
     facing: Floats
-    stray: NDArray[np.bool_]
+    stray: Bools
     stretch: Floats
     sigma: Floats
     squared: Floats
@@ -143,7 +143,7 @@ def linearise(
     The order is shape, common, whitened. Each view is first reduced to its few corrections, as the
     whitened nuisances couple all views.
     """
-    weight = 1 / (1 + seen.squared / gate**2) ** 2 / (seen.sigma**2 * noise.kappa)
+    weight = geman_mcclure(seen.squared / gate**2) / (seen.sigma**2 * noise.kappa)
     weight[seen.stray] = 0.0
     distance, normal = seen.measure.distance, seen.measure.normal
     # The shape's normal in the view's base: there the nuisances are simple.
