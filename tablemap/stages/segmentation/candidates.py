@@ -1,8 +1,8 @@
-"""Surfaces of several views grouped into one, and the choice of the table among them."""
+"""The choice of the table among the surfaces that the views show."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -10,8 +10,9 @@ import shapely
 from tablemap.config import SegmentationConfig
 from tablemap.errors import EstimationError
 from tablemap.geometry import Floats
+from tablemap.stages.segmentation.groups import Group, grouped, hull
 from tablemap.stages.segmentation.result import TableCandidate
-from tablemap.stages.segmentation.surfaces import CELL_M, MERGE_HEIGHT, Patch, find_patches
+from tablemap.stages.segmentation.surfaces import CELL_M, find_patches, surroundings
 from tablemap.stages.segmentation.views import SampledView, look
 from tablemap.stages.snapshots import Snapshot
 
@@ -19,28 +20,6 @@ STRIDE_PX = 2
 _MOST_CANDIDATES = 12  # surfaces that are reported: further ones are hardly tables
 _FULL_AREA = 0.15  # square metres in one view: from here on a surface counts as well seen
 _GAZE = 0.8  # metres beside the optical axis: there a look counts by a third
-# Limits for patches of different views to be one surface, if heights agree (`MERGE_HEIGHT`).
-_MERGE_OVERLAP = 0.15  # least share of the smaller patch that the other covers
-_MERGE_GAP = 0.1  # metres, largest gap between two ends of a surface
-
-
-@dataclass(eq=False)
-class _Group:
-    """Patches that probably are one surface; ``shape`` is their common hull."""
-
-    patches: list[Patch] = field(default_factory=list)
-    shape: shapely.Geometry = field(default_factory=shapely.Polygon)
-
-    @property
-    def height(self) -> float:
-        """The area-weighted mean height in metres."""
-        areas = [p.area for p in self.patches]
-        return float(np.average([p.height for p in self.patches], weights=areas))
-
-    def add(self, patch: Patch) -> None:
-        """Take in one more patch."""
-        self.patches.append(patch)
-        self.shape = shapely.unary_union([self.shape, _hull(patch.cells)]).convex_hull
 
 
 def find_tables(
@@ -62,103 +41,90 @@ def rank_tables(views: list[SampledView], config: SegmentationConfig) -> tuple[T
             f"the floor, found none in {len(views)} views; point the camera at the table, or "
             "widen segmentation.lowest and segmentation.highest"
         )
-    weighed = [_weigh(group, config) for group in _group(patches)]
-    candidates = sorted((_lying_on(c, weighed) for c in weighed), key=lambda c: -c.weight)
+    groups = grouped(patches)
+    first = [_weigh(group, config) for group in groups]
+    below = [_support(k, groups, first) for k in range(len(groups))]
+    weighed = []
+    for k, (group, candidate) in enumerate(zip(groups, first, strict=True)):
+        lower = below[k]
+        carried = [other for other, under in zip(groups, below, strict=True) if under == k]
+        if lower is not None:
+            candidate = _lying_on(candidate, first[lower])
+        elif carried and candidate.reason is not None:
+            candidate = _weigh(_uncovered(group, carried, views), config)
+        rise = min((thing.height - group.height for thing in carried), default=None)
+        weighed.append(replace(candidate, rise=rise))
+    candidates = sorted(weighed, key=lambda c: -c.weight)
     best = replace(candidates[0], chosen=True)
     return (best, *candidates[1:_MOST_CANDIDATES])
 
 
-def _lying_on(candidate: TableCandidate, others: list[TableCandidate]) -> TableCandidate:
-    """Lower the weight of a surface that lies on another one, like the lid of a box on a table."""
-    mine = shapely.Polygon(candidate.hull)
-    for other in others:
-        if not _LEAST_RISE < candidate.height - other.height < _LARGEST_RISE:
+def _support(k: int, groups: list[Group], candidates: list[TableCandidate]) -> int | None:
+    """Return the surface on which the k-th one lies, like the lid of a box on a table, if any.
+
+    A box that covers most of a small top leaves slivers of it. They lie all round the box, and in
+    each view near it. A top over seats is open below, and a box is not.
+    """
+    upper, mine = candidates[k], shapely.Polygon(candidates[k].hull)
+    for index, (group, lower) in enumerate(zip(groups, candidates, strict=True)):
+        rise = upper.height - lower.height
+        if not _LEAST_RISE < rise < _LARGEST_RISE or len(lower.views) < 2:
             continue
-        below = shapely.Polygon(other.hull).buffer(_BESIDE)
-        if len(other.views) >= 2 and below.intersection(mine).area > _ON_SHARE * mine.area:
-            reason = f"it lies on a surface that is {other.height:.2f} m high"
-            reasons = "; ".join(each for each in (candidate.reason, reason) if each)
-            return replace(candidate, weight=_ON_WEIGHT * candidate.weight, reason=reasons)
-    return candidate
+        extents = [shapely.Polygon(lower.hull)]
+        seen = sum(patch.area for patch in group.patches)
+        covering = sum(patch.area for patch in groups[k].patches)
+        if (rise < _FLAT or (rise < _BOX and upper.is_closed)) and seen > _LEAST_SHOWN * covering:
+            extents.append(group.shape)
+        inside = max(e.buffer(_BESIDE).intersection(mine).area for e in extents)
+        if inside > _ON_SHARE * mine.area:
+            return index
+    return None
 
 
-_LEAST_RISE, _LARGEST_RISE = 0.015, 0.35  # metres: heights of things on a table
+def _lying_on(candidate: TableCandidate, lower: TableCandidate) -> TableCandidate:
+    """Lower the weight of a surface that lies on another one."""
+    reason = f"it lies on a surface that is {lower.height:.2f} m high"
+    reasons = "; ".join(each for each in (candidate.reason, reason) if each)
+    return replace(candidate, weight=_ON_WEIGHT * candidate.weight, reason=reasons)
+
+
+def _uncovered(group: Group, carried: list[Group], views: list[SampledView]) -> Group:
+    """Judge a surface as if nothing lay on it: what lies on it hides it, and rises at its slivers.
+
+    Each view gets one patch: all cells of the surface, and of the things, that views agree on.
+    """
+    cells = np.concatenate([_common_cells(each) for each in (group, *carried)])
+    shape = hull(cells)
+    whole = Group()
+    for view in views:
+        mine = [patch for patch in group.patches if patch.view == view.snapshot.index]
+        if mine:
+            here = view.snapshot.map_from_base.inverse().apply(cells)
+            open_share, walled = surroundings(view, here, group.height)
+            whole.add(
+                replace(
+                    max(mine, key=lambda patch: patch.area),
+                    area=float(shape.area),
+                    cells=cells,
+                    gaze=min(patch.gaze for patch in mine),
+                    open_share=open_share,
+                    walled_share=walled,
+                )
+            )
+    return whole
+
+
+_LEAST_RISE, _LARGEST_RISE = 0.012, 0.35  # metres: heights of things on a table
+_FLAT, _BOX = 0.06, 0.2  # metres: lower than any seat under a top, and lower than a usual one
+_LEAST_SHOWN = 0.25  # of what covers a top: so much of the top itself is seen
 _BESIDE = 0.08  # metres: errors of localised poses widen a surface by so much
 _ON_SHARE, _ON_WEIGHT = 0.7, 0.1
 
 
-def _hull(points: Floats) -> shapely.Geometry:
-    return shapely.MultiPoint(points).convex_hull.buffer(CELL_M / 2)
-
-
-def _group(patches: list[Patch]) -> list[_Group]:
-    """Group patches that overlap in the map at one height, largest first.
-
-    The poses are those of the localisation, with errors of centimetres to decimetres. A patch joins
-    the group that it overlaps most. In the end, groups that overlap widely are joined. Patches that
-    one view saw apart, such as a seat at the table, stay apart.
-    """
-    groups: list[_Group] = []
-    for patch in sorted(patches, key=lambda p: -p.area):
-        shape = _hull(patch.cells)
-        best, best_overlap = None, _MERGE_OVERLAP
-        for group in groups:
-            if abs(group.height - patch.height) > MERGE_HEIGHT:
-                continue
-            overlap = _overlap(group.shape, shape)
-            if overlap > best_overlap and not _apart(group.patches, [patch]):
-                best, best_overlap = group, overlap
-        if best is None:
-            best = _Group()
-            groups.append(best)
-        best.add(patch)
-    joined = True
-    while joined:
-        joined = False
-        for i, first in enumerate(groups):
-            for second in groups[i + 1 :]:
-                if _are_one(first, second):
-                    for patch in second.patches:
-                        first.add(patch)
-                    groups.remove(second)
-                    joined = True
-                    break
-            if joined:
-                break
-    return groups
-
-
-def _are_one(first: _Group, second: _Group) -> bool:
-    """Tell whether two groups are one surface: they overlap, or they touch and no gap was seen.
-
-    Opposite views of a long table may each show one end, and clutter may divide the table in every
-    view. Two surfaces stay apart if a view saw through a gap between them.
-    """
-    if abs(first.height - second.height) > MERGE_HEIGHT:
-        return False
-    if _apart(first.patches, second.patches):
-        return False
-    if _overlap(first.shape, second.shape) > 2 * _MERGE_OVERLAP:
-        return True
-    return float(first.shape.distance(second.shape)) < _MERGE_GAP
-
-
-def _apart(first: list[Patch], second: list[Patch]) -> bool:
-    """Tell whether views of both groups saw through a gap between most pairs of patches."""
-    pairs = [(p, q) for p in first for q in second if p.view == q.view]
-    return 2 * sum(q.number in p.parted for p, q in pairs) > len(pairs)
-
-
-def _overlap(first: shapely.Geometry, second: shapely.Geometry) -> float:
-    """Return the share of the smaller shape that lies in the other."""
-    smaller = min(first.area, second.area)
-    return float(first.intersection(second).area / smaller) if smaller > 0 else 0.0
-
-
-def _weigh(group: _Group, config: SegmentationConfig) -> TableCandidate:
+def _weigh(group: Group, config: SegmentationConfig) -> TableCandidate:
     """Weigh a surface by the views of it, their spread round it, and its likeness to a table."""
     cells = _common_cells(group)
-    shape = _hull(cells)
+    shape = hull(cells)
     centre = np.array(shape.centroid.coords[0])
     views = sorted({p.view for p in group.patches})
     looks, bearings, opens, walls, areas = [], [], [], [], []
@@ -201,7 +167,7 @@ def _weigh(group: _Group, config: SegmentationConfig) -> TableCandidate:
 _CLOSED = 0.25  # a smaller open share of the space under a surface is a front
 
 
-def _common_cells(group: _Group) -> Floats:
+def _common_cells(group: Group) -> Floats:
     """Return the cells (n, 2) that at least two views saw; all cells of fewer than three views."""
     views = {p.view for p in group.patches}
     keys = np.concatenate(

@@ -72,9 +72,11 @@ def joint_height(
 ) -> Height | None:
     """Estimate the height from all views: the histogram's mode, then each view, then their mean.
 
-    Returns None if no view shows enough of the surface.
+    Pixels nearer to a thing that lies on the surface than to the surface are left out. Returns None
+    if no view shows enough of the surface.
     """
     samples, places = [], []
+    clear = SEARCH_M if candidate.rise is None else min(0.5 * candidate.rise, SEARCH_M)
     for view in views:
         z = view.points[..., 2]
         places.append(region(view, candidate, 0.0))
@@ -82,6 +84,7 @@ def joint_height(
             near = (
                 region(view, candidate, config.reach)
                 & (np.abs(z - np.float32(candidate.height)) < SEARCH_M)
+                & (z < np.float32(candidate.height + clear))
                 & (view.upward > LEAST_UPWARD)
             )
         samples.append(near)

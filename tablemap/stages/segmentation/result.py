@@ -52,6 +52,7 @@ class TableCandidate:
     - ``hull``: (n, 2) metres in the map, counter-clockwise
     - ``reason``: the reasons against it
     - ``is_closed``: whether a front closes the space under it, as of a box or a couch
+    - ``rise``: metres from it up to the lowest thing that lies on it; None if nothing was seen
     """
 
     x: float
@@ -65,6 +66,7 @@ class TableCandidate:
     chosen: bool
     reason: str | None
     is_closed: bool
+    rise: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -145,7 +145,7 @@ def _describe(view: SampledView, mask: Bools, area: float, number: int) -> Patch
     occupied[tuple((index - low).T)] = True
     cells = np.argwhere(occupied) + low
     places = (cells + 0.5) * CELL_M
-    open_share, walled_share = _surroundings(view, cells, height)
+    open_share, walled_share = surroundings(view, places, height)
     return Patch(
         view=snapshot.index,
         height=height,
@@ -190,13 +190,16 @@ def _convex(grid: Bools) -> Bools:
     return inside
 
 
-def _surroundings(view: SampledView, cells: Ints, height: float) -> tuple[float | None, float]:
+def surroundings(view: SampledView, places: Floats, height: float) -> tuple[float | None, float]:
     """Return a surface's open share below, and the share of its rim where something rises.
 
-    Under a table there is a view of what lies behind; a couch, a bench or a cupboard has a front. A
-    backrest, an arm or a wall rises at the rim.
+    ``places`` (n, 2), metres in the base, are on the surface. The open share is that of cells seen
+    under the surface among these and the cells of a front; None if neither was seen. Under a table
+    there is a view of what lies behind; a couch, a bench or a cupboard has a front. A backrest, an
+    arm or a wall rises at the rim.
     """
     margin = 5
+    cells = np.unique(np.floor(places / CELL_M).astype(np.int64), axis=0)
     low = cells.min(axis=0) - margin
     shape = tuple(int(n) for n in cells.max(axis=0) - low + margin + 1)
     grid = np.zeros(shape, dtype=bool)

@@ -88,6 +88,36 @@ def test_a_top_parted_by_clutter_is_one_top() -> None:
     assert halves >= 2
 
 
+@pytest.mark.parametrize(("rise", "used"), [(0.024, 8), (0.03, 8), (0.15, 5)])
+def test_a_thing_over_half_of_a_small_top_is_not_the_top(rise: float, used: int) -> None:
+    """Half of the top is under a tray or a box in its corner, which hides all from three sides."""
+    low = table(1.0, 0.5, 0.5, 0.5, 0.45, 0.0)
+    thing = Box(0.93, 0.43, 0.35, 0.35, 0.45, 0.45 + rise)
+    snapshots = round_trip(
+        [*low, thing], CENTRE, views=8, radius=1.2, pose_error=(0.05, 0.02), seed=2
+    )
+    result = segment(snapshots, config=CONFIG, sensors=SENSORS)
+    assert result.height == pytest.approx(0.45, abs=0.002)
+    assert len(result.used) == used
+    chosen = next(c for c in result.candidates if c.chosen)
+    assert chosen.reason is None
+    lids = [c for c in result.candidates if c.reason is not None and "it lies on" in c.reason]
+    assert any(c.height == pytest.approx(0.45 + rise, abs=0.004) for c in lids)
+
+
+def test_seats_round_a_closed_table_do_not_carry_it() -> None:
+    """A cloth hides what is under the top, and four seats 15 cm lower stand close to it."""
+    closed = Box(1.0, 0.5, 0.8, 0.8, 0.0, 0.60)
+    seats = [
+        Box(1.0 + 0.65 * x, 0.5 + 0.65 * y, 0.38, 0.38, 0.40, 0.45)
+        for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))
+    ]
+    snapshots = round_trip([closed, *seats], CENTRE, views=8, pose_error=(0.05, 0.02), seed=3)
+    tops = [c for c in find_tables(snapshots, config=CONFIG) if c.height > 0.55]
+    assert tops
+    assert not any("it lies on" in (c.reason or "") for c in tops)
+
+
 def test_a_second_table_at_the_same_height_is_another_top() -> None:
     """A table half a metre beside is never TOP, and --near chooses it."""
     second = table(1.0, 1.75, 1.0, 0.6, 0.74, 0.3)
