@@ -20,6 +20,7 @@ from tablemap.stages.registration import Pair, Registration, StopScan
 GRAPH_PIXELS_PER_METRE = 160.0
 RESIDUAL_LIMIT = 0.02
 NAME_ASIDE = (0.0, 24.0)  # pixels
+WORST_PAIRS = 12  # that are always shown
 MANY_SHARE = 0.4
 BASE_ARROW = 0.25
 FLOOR = 0.02
@@ -158,15 +159,18 @@ def _log_pairs(stream: Stream, registration: Registration) -> None:
                 [eyes[[p.target, p.source]] for p in pairs],
                 colors=_tints(registration, pairs) if used else [palette.LEFT_OUT.on_dark],
                 radii=rr.Radius.ui_points(0.7),
-                labels=[
-                    f"{p.source} to {p.target}: rmse {1000 * p.rmse:.1f} mm"
-                    if used
-                    else f"{p.source} to {p.target}: {p.reason}"
-                    for p in pairs
-                ],
+                labels=[_told(registration, pair) for pair in pairs],
                 show_labels=False,
             ),
         )
+    worst = text.worst_first(registration)[:WORST_PAIRS]
+    if worst:
+        stream.log("registration/graph_worst", _lines(registration, worst, eyes))
+    for index, stamp in enumerate(stream.scene.stamps_ns):
+        own = [p for p in registration.pairs if index in (p.source, p.target)]
+        stream.at_stop(stamp, index)
+        stream.log("registration/graph_at_stop", _lines(registration, own, eyes))
+    stream.hold()
     if len(registration.graph_before) > 1:
         stream.log(
             "registration/graph_before",
@@ -176,6 +180,29 @@ def _log_pairs(stream: Stream, registration: Registration) -> None:
                 radii=rr.Radius.ui_points(1.0),
             ),
         )
+
+
+def _lines(
+    registration: Registration, pairs: list[Pair], eyes: NDArray[np.float32]
+) -> rr.LineStrips3D:
+    """Return the pairs as lines, by how well the registered poses agree with them."""
+    tints = _tints(registration, pairs)
+    tints[[not pair.used for pair in pairs]] = palette.LEFT_OUT.on_dark
+    return rr.LineStrips3D(
+        [eyes[[p.target, p.source]] for p in pairs],
+        colors=tints,
+        radii=rr.Radius.ui_points(1.0),
+        labels=[_told(registration, pair) for pair in pairs],
+        show_labels=False,
+    )
+
+
+def _told(registration: Registration, pair: Pair) -> str:
+    """Return what a pair's line says on hovering."""
+    name = f"{pair.source} to {pair.target}, {pair.kind}"
+    if not pair.used:
+        return f"{name}: {pair.reason}"
+    return f"{name}: off by {1000 * text.pair_residual(registration, pair):.1f} mm"
 
 
 def _tints(registration: Registration, pairs: list[Pair]) -> NDArray[np.uint8]:
@@ -234,13 +261,14 @@ def _log_graph(stream: Stream, registration: Registration) -> None:
             graph_type="undirected",
         ),
     )
+    named = list(range(0, len(places), -(-len(places) // FEW_STOPS)))
     # A node without a colour has its label in the theme's colour of text.
     stream.log_flat(
         "registration/graph/names",
         rr.GraphNodes(
-            node_ids=[f"stop {i}" for i in range(len(places))],
-            positions=(places + NAME_ASIDE) * np.array([1.0, -1.0]),
-            labels=[str(i) for i in range(len(places))],
+            node_ids=[f"stop {i}" for i in named],
+            positions=(places[named] + NAME_ASIDE) * np.array([1.0, -1.0]),
+            labels=[str(i) for i in named],
             show_labels=True,
         ),
     )

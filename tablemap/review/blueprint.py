@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 from tablemap import palette
 from tablemap.review.eyes import (
     WHOLE,
-    Override,
+    Overrides,
     between_stops,
     of_pairs,
     of_table,
@@ -27,20 +27,19 @@ Contents = rrb.View | rrb.Container
 def blueprint(scene: DrawnScene) -> rrb.Blueprint:
     """Return the layout, with its eyes placed by the known part of the scene.
 
-    A run that failed has only tabs of stages that began: the others have nothing to show.
+    Only stages that began have tabs, and only what was drawn: the others have nothing to show.
     """
     begun = {name for name, _ in scene.stages}
     tabs: list[rrb.Container] = [_overview(scene)]
-    for stage, tab in (
-        ("calibration", _views),
-        ("odometry", _odometry),
-        ("registration", _registration),
-        ("registration", _pairs),
-        ("outline", _surface),
-        ("legs", _legs),
+    for stage, tab, has_data in (
+        ("calibration", _views, True),
+        ("odometry", _odometry, scene.has_laser),
+        ("registration", _registration, True),
+        ("registration", _pairs, scene.pairs_reach is not None),
+        ("outline", _surface, True),
+        ("legs", _legs, True),
     ):
-        is_there = stage in begun or not scene.failed
-        if scene.localised and is_there and (tab is not _pairs or scene.pairs_reach):
+        if scene.localised and stage in begun and has_data:
             tabs.append(tab(scene))
     if scene.tables:
         tabs.append(rrb.Tabs(*[_table(n, one) for n, one in scene.tables.items()], name="Tables"))
@@ -86,6 +85,7 @@ def _overview(scene: DrawnScene) -> rrb.Container:
         "/registration/after/scan/**",
         "/trajectory/registered",
         "/story/**",
+        "/stop/**",
     ]
     for number in scene.tables:
         shown += [f"/tables/{number:02d}/model/{part}/**" for part in ("top", "legs")]
@@ -123,9 +123,9 @@ def _overview(scene: DrawnScene) -> rrb.Container:
     return _beside("Overview", 1.7, with_legend(space, "overview", height=620), *right)
 
 
-def _quiet(scene: DrawnScene) -> dict[rr.datatypes.EntityPath | str, Override]:
+def _quiet(scene: DrawnScene) -> Overrides:
     """Return overrides that make the model stand out: one colour for scans, thin paths."""
-    quiet: dict[rr.datatypes.EntityPath | str, Override] = {
+    quiet: Overrides = {
         "/model/uncertainty": rrb.EntityBehavior(visible=False),
         "/trajectory/registered": rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points(1.0)),
     }
@@ -167,15 +167,14 @@ def _views(scene: DrawnScene) -> rrb.Container:
     flatness = rrb.Grid(
         *[
             _flat(f"/calibration/{surface}_{when}", f"{surface} {when}")
-            for surface in ("floor", "top")
+            for surface in sorted(scene.flatness)
             for when in ("before", "after")
         ],
         name="Flatness",
     )
-    last: list[Contents] = [
-        _text("/calibration/summary", "Calibration"),
-        with_legend(flatness, "flatness", height=200),
-    ]
+    last: list[Contents] = [_text("/calibration/summary", "Calibration")]
+    if scene.flatness:
+        last.append(with_legend(flatness, "flatness", height=200))
     if scene.has_colour:
         last.insert(0, _image(scene, "colour"))
     return _beside(
@@ -214,20 +213,39 @@ def _odometry(scene: DrawnScene) -> rrb.Container:
 
 def _registration(scene: DrawnScene) -> rrb.Container:
     stops = "/registration/stops/**"
-    after = ["/registration/after/**", "/registration/graph_in_map/**", stops]
+    after = [
+        "/registration/after/**",
+        "/registration/graph_in_map/**",
+        "/registration/graph_worst",
+        "/registration/graph_at_stop",
+        "/stop/**",
+        stops,
+    ]
+    all_pairs: Overrides = {"/registration/graph_in_map": rrb.EntityBehavior(visible=False)}
     before = ["/registration/before/**", "/registration/localised_stops/**"]
     paths = ["/trajectory/**", stops, "/registration/graph_before"]
     return rrb.Vertical(
         rrb.Horizontal(
             round_table(scene, "As localised", before, steepness=4.0),
             with_legend(
-                round_table(scene, "As registered", after, steepness=4.0),
+                round_table(
+                    scene,
+                    "As registered: pairs of the stop, and the worst",
+                    after,
+                    steepness=4.0,
+                    overrides=all_pairs,
+                ),
                 "registration",
                 height=350,
             ),
         ),
         rrb.Horizontal(
-            _text("/registration/summary", "Pairs and checks"),
+            _text("/registration/summary", "Pairs and checks")
+            if scene.has_laser
+            else rrb.Tabs(
+                _text("/registration/summary", "Pairs and checks"),
+                _text("/odometry/summary", "Odometry"),
+            ),
             rrb.Tabs(
                 rrb.GraphView(origin="/registration/graph", name="Pose graph"),
                 _plot("/registration/correction_mm", "Correction (mm)"),
@@ -268,12 +286,16 @@ def _surface(scene: DrawnScene) -> rrb.Container:
         1.3,
         rrb.Tabs(
             with_legend(
-                of_table(scene, "Edges by kind", edges, steepness=5.0), "edges", height=600
+                of_table(scene, "Edges by kind", edges, steepness=5.0),
+                "edges",
+                height=600,
+                in_tabs=True,
             ),
             with_legend(
                 of_table(scene, "Residuals and candidates", fit, steepness=5.0),
                 "residuals",
                 height=620,
+                in_tabs=True,
             ),
         ),
         rrb.Tabs(
@@ -322,7 +344,9 @@ def _table(number: int, scene: DrawnScene) -> rrb.Container:
     shown = [
         f"{below}/{one}" for one in ("model/**", "outline/edges/table/**", "legs/**", "surface/**")
     ]
-    shown += [f"- {below}/surface/{one}" for one in ("candidates/**", "residuals", "unrolled/**")]
+    flat = ("candidates/**", "residuals", "unrolled/**", "budget/**", "chosen/names")
+    shown += [f"- {below}/surface/{one}" for one in flat]
+    shown.append(f"- {below}/legs/names")
     shown += [f"- {below}/model/uncertainty/**"]
     return _beside(
         f"Table {number:02d}",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -29,6 +29,8 @@ MOST_ASIDE = 0.9
 GRID = (90, 90, 96, 90)
 
 Override = rrb.EntityBehavior | rr.LineStrips3D | rr.Points3D
+Overrides = dict[Any, Override]
+"""By the path of the entity."""
 
 
 def round_table(
@@ -39,7 +41,7 @@ def round_table(
     steepness: float,
     reach: float = 0.0,
     aside: float = 0.0,
-    overrides: Mapping[rr.datatypes.EntityPath | str, Override] | None = None,
+    overrides: Overrides | None = None,
 ) -> rrb.Spatial3DView:
     """Return a 3D view of the table and the stops round it; see `_space`."""
     reach = max(ROUND * _surround(scene), reach)
@@ -120,7 +122,7 @@ def _space(
     reach: float,
     steepness: float,
     aside: float = 0.0,
-    overrides: Mapping[rr.datatypes.EntityPath | str, Override] | None = None,
+    overrides: Overrides | None = None,
 ) -> rrb.Spatial3DView:
     """Return a 3D view that looks at a place from ``reach`` metres away, the table's length across.
 

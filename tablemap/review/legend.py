@@ -59,7 +59,7 @@ LEGENDS: dict[str, Entries] = {
         ("as localised", palette.LOCALISED.on_dark),
         ("by the wheels", palette.WHEELS.on_dark),
     ),
-    "registration": AGREEMENT,
+    "registration": (*AGREEMENT, ("dropped", palette.LEFT_OUT.on_dark)),
     "pairs": (
         ("target", palette.TEXT.on_dark),
         ("source", palette.TRUSTED.on_dark),
@@ -107,8 +107,12 @@ def log_legends(stream: Stream) -> None:
         )
 
 
-def with_legend(view: rrb.View | rrb.Container, name: str, *, height: float) -> rrb.Vertical:
+def with_legend(
+    view: rrb.View | rrb.Container, name: str, *, height: float, in_tabs: bool = False
+) -> rrb.Vertical:
     """Return a view with its strip below it; ``height`` is the view's, in pixels."""
+    if isinstance(view, rrb.View) and in_tabs:
+        view.titlebar = False  # the tab has the name
     places = _places(LEGENDS[name])
     tall = float(places[-1, 1]) + ROW / 2
     strip = rrb.Spatial2DView(

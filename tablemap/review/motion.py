@@ -25,6 +25,7 @@ class MotionDrawing:
 
     def log_scan(self, stream: Stream, scan: OdometryScan) -> None:
         """Log a scan at its pose by KISS-ICP; its threshold and correction are plotted later."""
+        stream.scene.has_laser = True
         self._scans.append((scan.stamp_ns, scan.threshold, scan.correction))
         between_ns = int(stream.config.scan_seconds * 1e9)
         is_next = self._last_ns is None or scan.stamp_ns - self._last_ns >= between_ns

@@ -49,6 +49,7 @@ class Perception:
         stream.log_flat("calibration/floor_rms_mm", rr.BarChart(np.array(shown)))
         for surface, seen in (("floor", calibration.floor), ("top", calibration.top)):
             if seen is not None:
+                stream.scene.flatness.add(surface)
                 for when, metres in (("before", seen.before), ("after", seen.after)):
                     image = _residual_image(metres)
                     stream.log_flat(f"calibration/{surface}_{when}", rr.Image(image))

@@ -35,7 +35,13 @@ def log_finished(stream: Stream, finished: StageFinished) -> None:
     stream.hold()
     message = f"{finished.name} ends after {finished.seconds:.2f} s"
     stream.log_flat("log", rr.TextLog(message, level="DEBUG"))
-    stream.text("summary", story.so_far(finished.name, stream.scene.told))
+    if not stream.scene.is_modelled:  # the stages of further tables come after the model
+        told = stream.scene.told
+        stream.at_stage()
+        stream.text("summary", story.so_far(finished.name, told))
+        stream.hold_in_drive()
+        stream.text("summary", story.still_going(finished.name, told))
+        stream.hold()
     stream.text("timing/summary", text.timings(stages))
     _log_bars(stream, [(name, seconds) for name, seconds in stages if seconds is not None])
     stream.flush()

@@ -18,6 +18,7 @@ from tablemap.review import progress, sensors, story, supports
 from tablemap.review.alignment import Alignment
 from tablemap.review.blueprint import blueprint
 from tablemap.review.crosscheck import log_cross_check
+from tablemap.review.current import log_localised_stops, log_registered_stops
 from tablemap.review.legend import log_legends
 from tablemap.review.motion import MotionDrawing
 from tablemap.review.perception import Perception
@@ -65,6 +66,7 @@ class Reviewer:
         def draw_snapshots(stream: Stream, taken: Snapshots) -> None:
             sensors.log_snapshots(stream, taken)
             telling.log_stops(stream, taken)
+            log_localised_stops(stream)
 
         def draw_surface(stream: Stream, surface: Surface) -> None:
             top.log_surface(stream, surface)
@@ -78,6 +80,7 @@ class Reviewer:
             telling.take_poses(registration.map_from_base)
             tables.take_poses(registration.map_from_base)
             alignment.log_registration(stream, registration)
+            log_registered_stops(stream, registration)
 
         def draw_calibration(stream: Stream, calibration: Calibration) -> None:
             perception.log_calibration(stream, calibration)

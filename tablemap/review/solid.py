@@ -30,6 +30,7 @@ def log_model(
     stream.hold()
     place, sides = _magnifications(model)
     stream.text("summary", story.model(model, magnified=(place, sides)))
+    stream.scene.is_modelled = True
     outline = np.array(model.surface.outline, dtype=np.float64).reshape(-1, 2)
     if len(outline) < 3:
         return

@@ -75,15 +75,10 @@ def model(result: TableModel, *, magnified: tuple[float, float]) -> str:
     lines += ["", f"**Views** {used} used of {len(result.snapshots)}", ""]
     unused = [(k, one.reason) for k, one in enumerate(result.snapshots) if not one.used]
     if unused:
-        lines.append(table(("view not used", "reason"), unused[:MOST_ROWS]))
+        lines += [f"- view {k} was not used: {reason}" for k, reason in unused[:MOST_ROWS]]
     lines += ["", f"## {len(result.warnings)} warnings"]
     if result.warnings:
-        lines.append(
-            table(
-                ("code", "message"),
-                [(one.code, one.message) for one in result.warnings[:MOST_ROWS]],
-            )
-        )
+        lines += [f"- `{one.code}`: {one.message}" for one in result.warnings[:MOST_ROWS]]
     place, bands = magnified
     lines += [
         "",
@@ -122,12 +117,17 @@ def no_other_model(number: int, message: str) -> str:
 
 def running(recording: str) -> str:
     """Return the summary before the first stage has ended."""
-    return f"# Opening\n\n`{recording}` is being opened, or the run ended here.\n"
+    return f"# Still going: opening\n\n`{recording}` is being opened, or the run was ended here.\n"
 
 
 def so_far(stage: str, told: str) -> str:
-    """Return the summary after a stage: its own result, and that there is no model yet.
-
-    A run that is killed leaves the last of these behind.
-    """
+    """Return the summary at a stage: its own result, and that there is no model yet."""
     return f"# After {stage}: no model yet\n\n{told}\n"
+
+
+def still_going(stage: str, told: str) -> str:
+    """Return the summary of a run that goes on after a stage; a killed one leaves it behind."""
+    return (
+        f"# Still going: {stage} is done\n\n"
+        f"There is no model yet. The next stage has begun, or the run was ended here.\n\n{told}\n"
+    )

@@ -51,6 +51,9 @@ class DrawnScene:
     - ``pairs_reach``: metres, size of the grid of aligned pairs
     - ``best``: the snapshot that shows most of the table
     - ``colour_fits``: whether colour images match the depth images pixel by pixel
+    - ``is_modelled``: whether the chosen table's model is there
+    - ``has_laser``: whether odometry drew scans
+    - ``flatness``: ``floor`` and ``top``, where heights over the image were drawn
     - ``told``: the current stage's text on its result
     """
 
@@ -69,6 +72,9 @@ class DrawnScene:
     extent: float = 1.0
     yaw: float = 0.0
     shape: str = ""
+    is_modelled: bool = False
+    has_laser: bool = False
+    flatness: set[str] = field(default_factory=set)
     has_colour: bool = False
     colour_fits: bool = True
     best: int | None = None
@@ -156,6 +162,11 @@ class Stream:
         if snapshot is not None:
             self.rec.set_time("snapshot", sequence=snapshot)
 
+    def at_stop(self, stamp_ns: int, snapshot: int) -> None:
+        """Let the next rows say which stop is the current one: on its timelines, not by stage."""
+        self.at(stamp_ns, snapshot=snapshot)
+        self.rec.disable_timeline("stage")
+
     def at_stage(self) -> None:
         """Let the next rows belong only to the current stage."""
         self.rec.reset_time()
@@ -169,6 +180,11 @@ class Stream:
             self.at_stage()
             self.rec.set_time("snapshot", sequence=0)
         self.rec.set_time("iteration", sequence=0)
+
+    def hold_in_drive(self) -> None:
+        """Let the next rows hold for the whole recording, but not on the timeline of stages."""
+        self.hold()
+        self.rec.disable_timeline("stage")
 
     @contextmanager
     def within(self, path: str, scene: DrawnScene) -> Iterator[None]:

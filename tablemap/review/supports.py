@@ -15,6 +15,7 @@ from tablemap.review.clouds import raised
 from tablemap.review.stream import Stream
 from tablemap.stages.legs import Leg, Legs, RejectedCluster
 
+MOST_LETTERS = 12
 LEG_WITHOUT_SIZE = 0.04  # metres
 
 
@@ -98,6 +99,12 @@ def _log_rejected(stream: Stream, rejected: tuple[RejectedCluster, ...], height:
     stream.names(
         "legs/rejected/reasons",
         [(one.x, one.y, height + 0.05) for one in rejected],
-        [one.reason for one in rejected],
-        shown=len(rejected) <= 6 and min(len(one.points) for one in rejected) >= 5,
+        [f"{text.letter(k)}: {one.reason}" for k, one in enumerate(rejected)],
+        shown=False,
+    )
+    stream.names(
+        "legs/rejected/names",
+        [(one.x, one.y, height + 0.05) for one in rejected],
+        [text.letter(k) for k in range(len(rejected))],
+        shown=len(rejected) <= MOST_LETTERS,
     )

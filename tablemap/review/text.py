@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
 from itertools import pairwise
+from string import ascii_lowercase
 
 import numpy as np
 
@@ -111,7 +112,6 @@ def segmentation(result: Segmentation) -> str:
             "yes" if view.sees_table else "no",
             view.top_pixels,
             "" if view.height is None else f"{view.height:.3f}",
-            view.reason or "",
         )
         for view in result.views[:MOST_ROWS]
     ]
@@ -123,7 +123,13 @@ def segmentation(result: Segmentation) -> str:
             "",
             candidates(result.candidates),
             "",
-            table(("view", "sees it", "top pixels", "height", "reason"), views),
+            table(("view", "sees it", "top pixels", "height"), views),
+            "",
+            *[
+                f"- view {one.index}: {one.reason}"
+                for one in result.views[:MOST_ROWS]
+                if one.reason
+            ],
         ]
     )
 
@@ -159,24 +165,17 @@ def worst_first(result: Registration) -> list[Pair]:
     return sorted(result.pairs, key=lambda pair: (pair.used, -pair_residual(result, pair)))
 
 
-def _statistics(check: StopCheck) -> str:
-    if check.statistics is None:
-        return ""
-    named = asdict(check.statistics).items()
-    return ", ".join(f"{name} {value:.3g}" for name, value in named if value is not None)
+def _checked(check: StopCheck) -> str:
+    """Return one line: a line wraps where a table's cell is cut off."""
+    named = asdict(check.statistics).items() if check.statistics is not None else ()
+    figures = ", ".join(f"{name} {value:.3g}" for name, value in named if value is not None)
+    said = [f"{'passed' if check.passed else 'failed'}", *check.reasons, figures]
+    return f"- stop {check.index}: {'; '.join(one for one in said if one)}"
 
 
 def registration(result: Registration) -> str:
     """Return the checks of the stops and the pairs, the dropped and the worst first."""
-    checks = [
-        (
-            one.index,
-            "passed" if one.passed else "failed",
-            _statistics(one),
-            "; ".join(one.reasons),
-        )
-        for one in result.checks[:MOST_ROWS]
-    ]
+    checks = sorted(result.checks, key=lambda one: one.passed)[:MOST_ROWS]
     ordered = worst_first(result)
     pairs = [
         (
@@ -213,7 +212,7 @@ def registration(result: Registration) -> str:
                 if not one.used
             ],
             "",
-            table(("stop", "check", "statistics", "reasons"), checks),
+            *[_checked(one) for one in checks],
         ]
     )
 
@@ -269,10 +268,7 @@ def surface(result: Surface) -> str:
             f"{one.score:.3f}",
             f"{one.cost:.1f}",
             f"{100 * one.inlier_fraction:.0f} %",
-            ", ".join(
-                f"{name} {figure(name, size.value, size.sigma)}"
-                for name, size in one.dimensions.items()
-            ),
+            " x ".join(figure(name, size.value, None) for name, size in one.dimensions.items()),
         )
         for one in sorted(result.candidates, key=lambda one: -one.score)
     ]
@@ -318,8 +314,8 @@ def legs(result: Legs) -> str:
         for k, one in enumerate(result.legs, start=1)
     ]
     rejected = [
-        f"- at {one.x:.2f}, {one.y:.2f} ({len(one.points)} points): {one.reason}"
-        for one in result.rejected[:MOST_ROWS]
+        f"- {letter(k)}: at {one.x:.2f}, {one.y:.2f} ({len(one.points)} points): {one.reason}"
+        for k, one in enumerate(result.rejected[:MOST_ROWS])
     ]
     return "\n".join(
         [
@@ -330,6 +326,12 @@ def legs(result: Legs) -> str:
             *rejected,
         ]
     )
+
+
+def letter(number: int) -> str:
+    """Return a cluster's letters, as a spreadsheet's columns have them: a to z, aa, ab."""
+    more, last = divmod(number, len(ascii_lowercase))
+    return (letter(more - 1) if more else "") + ascii_lowercase[last]
 
 
 def timings(stages: list[tuple[str, float | None]]) -> str:

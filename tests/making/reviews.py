@@ -14,6 +14,7 @@ from tablemap.review.page.page import Page
 
 def write(path: Path, run: list[object], level: str = "standard") -> Path:
     """Write a review of results."""
+    path.parent.mkdir(exist_ok=True)
     config = ReviewConfig.model_validate({"level": level})
     with Reviewer(path, run_id=path.parent.name, recording_name="made up", config=config) as record:
         for one in run:

@@ -394,7 +394,7 @@ def test_each_stage_tells_its_result(review: Path) -> None:
     """Over ``stage`` the summary is that stage's own text, and at the end the model's."""
     told: dict[int, str] = {}
     for chunk in RrdReader(review).stream():
-        if chunk.entity_path == "/summary":
+        if chunk.entity_path == "/summary" and "stage" in chunk.timeline_names:
             batch = chunk.to_record_batch().to_pydict()
             pages = [one[0] for one in batch["TextDocument:text"]]
             told |= dict(zip(batch["stage"], pages, strict=True))

@@ -1,0 +1,130 @@
+"""Many stops and pairs stay readable: the worst and the current ones are shown, the rest waits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from rerun.chunk import RrdReader
+
+from tablemap.events import StageFinished, StageStarted
+from tablemap.model import TableModel
+from tablemap.review.alignment import WORST_PAIRS
+from tablemap.review.text import letter, pair_residual
+from tablemap.stages.odometry import OdometryMap, OdometryScan
+from tablemap.stages.registration import Registration
+from tests.making import made_up_run as made_up
+from tests.making.reviews import columns, write
+
+STOPS = 8
+
+
+@pytest.fixture(scope="module")
+def run() -> list[object]:
+    """All results of a made-up run."""
+    return made_up.results(stops=STOPS)
+
+
+@pytest.fixture(scope="module")
+def review(run: list[object], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Their review."""
+    return write(tmp_path_factory.mktemp("crowds") / "run.rrd", run)
+
+
+def registration_of(run: list[object]) -> Registration:
+    """The run's registration."""
+    return next(one for one in run if isinstance(one, Registration))
+
+
+def tabs(path: Path) -> set[str]:
+    """The names of all containers of the largest layout: that of the last stages."""
+    reader = RrdReader(path)
+    layouts: list[set[str]] = []
+    for store in reader.blueprints():
+        batches = [chunk.to_record_batch().to_pydict() for chunk in reader.stream(store=store)]
+        named = [batch.get("ContainerBlueprint:display_name", []) for batch in batches]
+        layouts.append({str(one[0]) for names in named for one in names if one})
+    return max(layouts, key=len)
+
+
+def timelines(path: Path, entity: str) -> set[str]:
+    """The timelines of an entity's rows."""
+    return {
+        name
+        for chunk in RrdReader(path).stream()
+        if chunk.entity_path == entity
+        for name in chunk.timeline_names
+    }
+
+
+def test_the_worst_pairs_are_always_shown(run: list[object], review: Path) -> None:
+    """So many and no more, the dropped ones among them, and none worse is left out."""
+    registration = registration_of(run)
+    (labels,) = columns(review, "/registration/graph_worst", "LineStrips3D:labels")
+    assert len(labels) == WORST_PAIRS
+    shown = {str(one).split(",")[0] for one in labels}
+    dropped = [pair for pair in registration.pairs if not pair.used]
+    assert dropped
+    assert {f"{pair.source} to {pair.target}" for pair in dropped} <= shown
+    off = {
+        f"{pair.source} to {pair.target}": pair_residual(registration, pair)
+        for pair in registration.pairs
+        if pair.used
+    }
+    assert min(off[one] for one in shown & off.keys()) >= max(
+        figure for name, figure in off.items() if name not in shown
+    )
+
+
+def test_a_stop_shows_its_own_pairs_camera_and_points(run: list[object], review: Path) -> None:
+    """One row a snapshot, on the drive's timelines alone."""
+    registration = registration_of(run)
+    rows = columns(review, "/registration/graph_at_stop", "LineStrips3D:labels")
+    assert len(rows) == STOPS
+    for index, labels in enumerate(rows):
+        own = {
+            f"{pair.source} to {pair.target}, {pair.kind}"
+            for pair in registration.pairs
+            if index in (pair.source, pair.target)
+        }
+        assert {str(one).split(":")[0] for one in labels} == own
+    names = columns(review, "/stop/camera/names", "Points3D:labels")
+    assert [str(one[0]) for one in names[-STOPS:]] == [
+        f"stop {k}" + ("" if is_used else ", not used")
+        for k, is_used in enumerate(registration.used)
+    ]
+    assert len(columns(review, "/stop/points", "Points3D:positions")) == STOPS
+    for entity in ("/registration/graph_at_stop", "/stop/camera", "/stop/points"):
+        assert timelines(review, entity) >= {"snapshot", "sensor_time"}
+        assert "stage" not in timelines(review, entity)
+
+
+def test_a_tab_needs_data(run: list[object], review: Path, tmp_path: Path) -> None:
+    """Without a laser there is no tab Odometry; before its stage begins, none has its tab."""
+    assert {"Odometry", "Registration", "Legs"} <= tabs(review)
+    without = [one for one in run if not isinstance(one, (OdometryScan, OdometryMap))]
+    assert "Odometry" not in tabs(write(tmp_path / "without" / "run.rrd", without))
+    begins = next(
+        k for k, one in enumerate(run) if isinstance(one, StageStarted) and one.name == "outline"
+    )
+    found = tabs(write(tmp_path / "cut" / "run.rrd", run[:begins]))
+    assert "Registration" in found
+    assert not {"Surface", "Legs"} & found
+
+
+def test_stages_of_other_tables_leave_the_summary(run: list[object], tmp_path: Path) -> None:
+    """With all tables, stages go on after the model: the summary stays the model's."""
+    kept = next(k for k, one in enumerate(run) if isinstance(one, TableModel)) + 1
+    more = [StageStarted("surface", 9), StageFinished("surface", 9, 0.1)]
+    path = write(tmp_path / "all" / "run.rrd", [*run[:kept], *more])
+    pages = [str(one[0]) for one in columns(path, "/summary", "TextDocument:text")]
+    assert any(page.startswith("# Still going: legs is done") for page in pages)
+    assert not any("surface is done" in page for page in pages[-2:])
+    model = run[kept - 1]
+    assert isinstance(model, TableModel)
+    assert f": {model.verdict.level}" in pages[-1]
+
+
+def test_letters_go_on_after_z() -> None:
+    """As the columns of a spreadsheet."""
+    assert [letter(k) for k in (0, 25, 26, 27, 51, 52)] == ["a", "z", "aa", "ab", "az", "ba"]
