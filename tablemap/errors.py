@@ -182,9 +182,9 @@ def with_cause(sentence: str, warnings: Sequence[ProcessWarning]) -> str:
     if not said or said[0] in sentence:
         return sentence
     if not lost:
-        return f"{sentence} This may be why: {said[0]}"
+        return f"{sentence.rstrip('.')}. This may be why: {said[0]}"
     more = f" (and {len(lost) - 1} more)" if len(lost) > 1 else ""
-    return f"{sentence} The recording is damaged, which may be why: {lost[0]}{more}"
+    return f"{sentence.rstrip('.')}. The recording is damaged, which may be why: {lost[0]}{more}"
 
 
 @contextmanager

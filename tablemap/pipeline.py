@@ -16,15 +16,23 @@ from tablemap.events import OtherTable, Record, StageFinished, StageStarted, ign
 from tablemap.model import TableModel
 from tablemap.recording import Recording
 from tablemap.stages.assembly import Findings, assemble
-from tablemap.stages.calibration import calibrate, flatten
+from tablemap.stages.calibration import Calibration, calibrate, flatten
 from tablemap.stages.crosscheck import admitted_legs, corrected, cross_check
 from tablemap.stages.legs import Legs, find_legs
 from tablemap.stages.legs.adjoining import find_adjoining, without
-from tablemap.stages.odometry import Trajectory, estimate_odometry
+from tablemap.stages.odometry import Odometry, Trajectory, estimate_odometry
 from tablemap.stages.outline import Outline, find_edges
 from tablemap.stages.registration import register
-from tablemap.stages.segmentation import Segmentation, TableCandidate, segment, segment_again
-from tablemap.stages.snapshots import take_snapshots
+from tablemap.stages.segmentation import (
+    Segmentation,
+    TableCandidate,
+    choose_next,
+    next_choices,
+    none_gave_a_table,
+    segment,
+    segment_again,
+)
+from tablemap.stages.snapshots import Snapshots, take_snapshots
 from tablemap.stages.surface import Mounting, Surface, fit_surface
 
 STAGES = (
@@ -85,9 +93,18 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
         calibration = calibrate(taken.snapshots, config=config.calibration, sensors=sensors)
         record(calibration)
 
-    # Which of the horizontal surfaces is the table, and which pixels show it. The top is a second
-    # plane, nearer than the floor: with it the camera is adjusted again, and all views are read
-    # anew.
+    # The top is a second plane, nearer than the floor: with it the camera is adjusted again, and
+    # all views are read anew.
+    def settle(rough: Segmentation) -> tuple[Calibration, Segmentation]:
+        adjusted = flatten(calibration, rough.top(), config=config.calibration)
+        record(adjusted)
+        segmentation = segment_again(
+            adjusted.snapshots, rough, config=config.segmentation, sensors=sensors
+        )
+        record(segmentation)
+        return adjusted, segmentation
+
+    # Which of the horizontal surfaces is the table, and which pixels show it.
     with stage("segmentation"):
         rough = segment(
             calibration.snapshots,
@@ -96,18 +113,68 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
             near=near,
             record=record,
         )
-        calibration = flatten(calibration, rough.top(), config=config.calibration)
-        record(calibration)
-        snapshots = calibration.snapshots
-        segmentation = segment_again(snapshots, rough, config=config.segmentation, sensors=sensors)
-        record(segmentation)
+        adjusted, segmentation = settle(rough)
 
     # KISS-ICP over the laser's scans of the whole drive.
     with stage("odometry"):
         odometry = estimate_odometry(
-            recording, snapshots, config=config.odometry, sensors=sensors, record=record
+            recording, adjusted.snapshots, config=config.odometry, sensors=sensors, record=record
         )
         record(odometry)
+
+    def attempt(calibration: Calibration, segmentation: Segmentation) -> Processed:
+        seen = _Seen(recording, taken, calibration, segmentation, odometry)
+        return _model(seen, config, tables, record, stage)
+
+    try:
+        return attempt(adjusted, segmentation)
+    except EstimationError as error:
+        if near is not None:
+            raise
+        failure = error
+
+    # The likeliest surface gave no model: the next ones are tried in their order.
+    for candidate in next_choices(rough):
+        try:
+            with stage("segmentation"):
+                second = choose_next(
+                    calibration.snapshots,
+                    rough,
+                    candidate,
+                    failure,
+                    config=config.segmentation,
+                    sensors=sensors,
+                )
+                adjusted, segmentation = settle(second)
+            return attempt(adjusted, segmentation)
+        except EstimationError:
+            continue
+    raise EstimationError(none_gave_a_table(failure, rough.candidates)) from failure
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """The stages' results up to the choice of a table, and the motion of the drive."""
+
+    recording: Recording
+    taken: Snapshots
+    calibration: Calibration
+    segmentation: Segmentation
+    odometry: Odometry
+
+
+def _model(
+    seen: _Seen,
+    config: Config,
+    tables: Tables,
+    record: Record,
+    stage: Callable[[str], AbstractContextManager[None]],
+) -> Processed:
+    """Register the views, and model the chosen table, and the others where all are wanted."""
+    sensors = config.sensors
+    near = tables if isinstance(tables, tuple) else None
+    recording, calibration, odometry = seen.recording, seen.calibration, seen.odometry
+    snapshots = calibration.snapshots
 
     @cache
     def edges(segmentation: Segmentation) -> Outline:
@@ -126,7 +193,7 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
             recording,
             snapshots,
             odometry,
-            edges=lambda: edges(segmentation),
+            edges=lambda: edges(seen.segmentation),
             config=config.registration,
             sensors=sensors,
             record=record,
@@ -181,7 +248,7 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
         return assemble(
             Findings(
                 recording=recording,
-                taken=taken,
+                taken=seen.taken,
                 calibration=calibration,
                 segmentation=segmentation,
                 odometry=odometry,
@@ -223,11 +290,11 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
         except EstimationError as error:
             return f"{where}, gave no model: {error}"
 
-    chosen = model(segmentation, record)
+    chosen = model(seen.segmentation, record)
     record(chosen)
     others: list[OtherTable] = []
     if tables == "all":
-        beside = [candidate for candidate in segmentation.candidates if not candidate.chosen]
+        beside = [candidate for candidate in seen.segmentation.candidates if not candidate.chosen]
         for number, candidate in enumerate(beside, start=1):
             others.append(OtherTable(number, other(candidate, number)))
             record(others[-1])

@@ -8,7 +8,13 @@ from tablemap.stages.segmentation.result import (
     TablesFound,
     ViewSegmentation,
 )
-from tablemap.stages.segmentation.stage import segment, segment_again
+from tablemap.stages.segmentation.stage import (
+    choose_next,
+    next_choices,
+    none_gave_a_table,
+    segment,
+    segment_again,
+)
 
 __all__ = [
     "Label",
@@ -16,7 +22,10 @@ __all__ = [
     "TableCandidate",
     "TablesFound",
     "ViewSegmentation",
+    "choose_next",
     "find_tables",
+    "next_choices",
+    "none_gave_a_table",
     "segment",
     "segment_again",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from tablemap.stages.segmentation.result import Segmentation, TableCandidate, Ta
 from tablemap.stages.segmentation.views import SampledView, look
 from tablemap.stages.snapshots import Snapshot
 
+_MOST_CHOICES = 4  # candidates that are tried after the first; each costs as much as that
 _TIE = 0.7  # of the best candidate's weight: a warning names others with at least this share
 
 
@@ -48,23 +50,60 @@ def segment(
         for other in candidates:
             if other is chosen:
                 continue
-            second = ProcessWarning(
-                "accuracy.second_choice",
-                "segmentation",
-                f"the surface at {_place(chosen)}, {chosen.height:.2f} m high, was the first "
-                f"choice and gave no table ({failure}); the one at {_place(other)}, "
-                f"{other.height:.2f} m high, was taken",
-            )
+            second = _second_choice(chosen, other, failure)
             try:
                 return _labelled(coarse, candidates, other, [second], config, sensors)
             except EstimationError:
                 continue
-        places = ", ".join(
-            f"--near {c.x:.2f} {c.y:.2f} ({c.height:.2f} m high)" for c in candidates
-        )
-        raise EstimationError(
-            f"{failure}; no other candidate gave a table either: {places}"
-        ) from failure
+        raise EstimationError(none_gave_a_table(failure, candidates)) from failure
+
+
+def next_choices(first: Segmentation) -> list[TableCandidate]:
+    """Return the candidates to try if the chosen one gives no model, the likeliest first."""
+    others = [candidate for candidate in first.candidates if not candidate.chosen]
+    return [candidate for candidate in others if not candidate.is_closed][:_MOST_CHOICES]
+
+
+def choose_next(
+    snapshots: tuple[Snapshot, ...],
+    first: Segmentation,
+    candidate: TableCandidate,
+    failure: EstimationError,
+    *,
+    config: SegmentationConfig,
+    sensors: SensorsConfig,
+) -> Segmentation:
+    """Label every view for another candidate, as the chosen one gave no model (``failure``).
+
+    Raises `EstimationError` as `segment` does.
+    """
+    chosen = next(each for each in first.candidates if each.chosen)
+    again = segment(snapshots, config=config, sensors=sensors, candidate=candidate)
+    candidates = tuple(replace(each, chosen=each is candidate) for each in first.candidates)
+    warnings = (_second_choice(chosen, candidate, failure), *again.warnings)
+    return replace(again, candidates=candidates, warnings=warnings)
+
+
+def none_gave_a_table(failure: EstimationError, candidates: tuple[TableCandidate, ...]) -> str:
+    """Say what failed, and where the candidates are, each as an option of the command line."""
+    if len(candidates) == 1:
+        return str(failure)
+    return f"{failure}; no other candidate gave a table either: {_options(candidates)}"
+
+
+def _options(candidates: Sequence[TableCandidate]) -> str:
+    return ", ".join(f"--near {c.x:.2f} {c.y:.2f} ({c.height:.2f} m high)" for c in candidates)
+
+
+def _second_choice(
+    chosen: TableCandidate, other: TableCandidate, failure: EstimationError
+) -> ProcessWarning:
+    message = (
+        f"the surface at {_place(chosen)}, {chosen.height:.2f} m high, was the first choice and "
+        f"gave no table ({failure}); the one at {_place(other)}, {other.height:.2f} m high, was "
+        "taken"
+    )
+    return ProcessWarning("accuracy.second_choice", "segmentation", message)
 
 
 def _labelled(
@@ -149,19 +188,18 @@ def _choose(
         distances = [float(np.hypot(c.x - near[0], c.y - near[1])) for c in candidates]
         best = int(np.argmin(distances))
         if distances[best] > config.near_distance:
-            places = ", ".join(f"{_place(c)} {c.height:.2f} m high" for c in candidates)
             raise EstimationError(
                 f"Expected a table within {config.near_distance} m of --near {near[0]} {near[1]}, "
-                f"found candidates at {places}; give one of these places"
+                f"found other candidates: {_options(candidates)}"
             )
         return candidates[best], []
     chosen = candidates[0]
     ties = [c for c in candidates[1:] if c.weight >= _TIE * chosen.weight]
     if not ties:
         return chosen, []
-    places = ", ".join(f"--near {c.x:.2f} {c.y:.2f} ({c.height:.2f} m high)" for c in ties)
     message = (
-        f"The table at {_place(chosen)} was chosen; other surfaces are nearly as likely: {places}"
+        f"The table at {_place(chosen)} was chosen; other surfaces are nearly as likely: "
+        f"{_options(ties)}"
     )
     return chosen, [ProcessWarning("segmentation.table_tie", "segmentation", message)]
 

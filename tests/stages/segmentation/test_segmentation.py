@@ -174,7 +174,7 @@ def test_a_place_without_a_table_names_the_candidates() -> None:
     """--near far from everything is an error that lists where tables are; they are recorded."""
     events: list[object] = []
     views = round_trip(TABLE, CENTRE)
-    with pytest.raises(EstimationError, match=r"candidates at \(1\.0"):
+    with pytest.raises(EstimationError, match=r"candidates: --near 1\.0"):
         segment(views, config=CONFIG, sensors=SENSORS, near=(9.0, 9.0), record=events.append)
     (found,) = events
     assert isinstance(found, TablesFound)
