@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import bz2
-import sqlite3
 from contextlib import closing
 from functools import partial
 from pathlib import Path
-from urllib.parse import quote
 
+import apsw
 import lz4.frame
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader, ReaderError
 from rosbags.rosbag1.reader import Chunk, ChunkInfo, IndexData, decompressors
+from rosbags.rosbag2.storage_sqlite3 import make_vfs
 
 from tablemap.config import LimitsConfig
 from tablemap.config.limits import MIB
+from tablemap.remote import is_remote
 
 _INDEX_ENTRY_BYTES = 12
 _MOST_STREAMS = 1000  # of bz2 or frames of lz4 in one chunk
@@ -116,9 +117,16 @@ def check_database(path: Path) -> None:
     Its tables must be tables whose cells are stored, and what it says of its topics short: rosbags
     reads that as YAML, in which a few letters can stand for gigabytes.
     """
-    address = f"file:{quote(str(path.resolve()))}?mode=ro&immutable=1"
-    with closing(sqlite3.connect(address, uri=True)) as database:
-        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, 16 * MIB)
+    # As rosbags opens it; what serves a remote one is found by its name while it is referenced.
+    served = make_vfs(path) if is_remote(path) else None
+    with closing(
+        apsw.Connection(
+            f"file:{path}?immutable=1",
+            flags=apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI,
+            vfs=None if served is None else "rpathvfs",
+        )
+    ) as database:
+        database.limit(apsw.SQLITE_LIMIT_LENGTH, 16 * MIB)
         others = database.execute(
             "SELECT name FROM sqlite_master WHERE type = 'view' OR sql LIKE 'CREATE VIRTUAL%'"
         ).fetchone()
@@ -130,9 +138,9 @@ def check_database(path: Path) -> None:
                 raise ValueError(f"its table {table} has columns that are not stored")
             if "offered_qos_profiles" not in columns:
                 continue
-            size, merges = database.execute(
-                "SELECT sum(length(offered_qos_profiles)), max(instr(offered_qos_profiles, '<<'))"
-                " FROM topics"
-            ).fetchone()
-            if (size or 0) > _MOST_PROFILE_BYTES or merges:
+            ((size, merges),) = database.execute(
+                "SELECT total(length(offered_qos_profiles)),"
+                " total(instr(offered_qos_profiles, '<<')) FROM topics"
+            ).fetchall()
+            if not isinstance(size, float) or size > _MOST_PROFILE_BYTES or merges:
                 raise ValueError("what it says of its topics is too much")
