@@ -70,6 +70,7 @@ RENAMED = {
     "odometry.maximum_speed": "sensors.localisation_jump_speed",
     "odometry.maximum_turn_deg": "sensors.localisation_jump_turn_deg_odometry",
     "odometry.standing_every": "stages/odometry/placing.py:_STANDING_EVERY",
+    "outline.edge_sigma_px": "sensors.edge_sigma_px",
     "outline.baseline": "sensors.projector_baseline",
     "outline.slope_prior_deg": "sensors.calibrated_view_tilt_sigma_deg",
     "registration.correlation": "stages/registration/laser/laser.py:_CORRELATED_BEAMS",

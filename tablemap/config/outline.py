@@ -94,12 +94,6 @@ class OutlineConfig(Section):
         description="pixels; width of the image's border, where edges are not used. Higher: fewer "
         "edge points",
     )
-    edge_sigma_px: float = Field(
-        default=0.6,
-        gt=0,
-        description="pixels; error of an edge point in the image (sigma). Higher: larger sigmas "
-        "of the dimensions",
-    )
     face_sigma: float = Field(
         default=0.002,
         ge=0,

@@ -216,6 +216,12 @@ class SensorsConfig(Section):
         "two eyes. Higher: wider stripes without depth behind an edge pass for its shadow",
     )
 
+    edge_sigma_px: float = Field(
+        default=0.6,
+        gt=0,
+        description="pixels; error of an edge point in the image (sigma). Higher: larger sigmas "
+        "of the dimensions",
+    )
     near_edge_bias: float = Field(
         default=0.25,
         gt=0,
@@ -247,6 +253,12 @@ class SensorsConfig(Section):
         ge=0,
         description="metres; how far inside the rim the far edges may end, where the rim looks "
         "sharp (sigma). Higher: far edges weigh less there",
+    )
+    edge_widening_sigma_px: float = Field(
+        default=0.2,
+        gt=0,
+        description="pixels; by how much far edges of the top may be widened otherwise than the "
+        "silhouettes of its legs (sigma). Higher: the legs say less of stereo's wider foreground",
     )
     silhouette_width_sigma_px: float = Field(
         default=1.0,

@@ -9,7 +9,7 @@ import numpy as np
 from tablemap.config import SensorsConfig
 from tablemap.geometry import Floats
 from tablemap.robust import geman_mcclure, reduced_chi_square
-from tablemap.stages.crosscheck.rows import Rows
+from tablemap.stages.crosscheck.rows import BIASES, Rows
 
 ASKED = 4
 """The first unknowns: forward, left and yaw of the camera in the base, and the laser's scale."""
@@ -29,10 +29,12 @@ class MountingSolution:
     - ``asked``: (4,) metres forward and left, radians of yaw, and the factor less one that mends
       the laser's ranges: it is negative where they are too long
     - ``covariance``: (4, 4), the priors included
+    - ``widening``: pixels that depth adds to a leg on each side, and its standard deviation
     """
 
     asked: Floats
     covariance: Floats
+    widening: tuple[float, float]
 
 
 def prior_sigmas(sensors: SensorsConfig) -> Floats:
@@ -92,7 +94,10 @@ def solve(
         if settled:
             break
     covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
-    return MountingSolution(state[:ASKED], covariance[:ASKED, :ASKED])
+    # The depth's scale stands between what is asked for and the shared biases.
+    width = ASKED + 1 + BIASES.index("width of silhouettes")
+    widening = float(state[width]), float(np.sqrt(covariance[width, width]))
+    return MountingSolution(state[:ASKED], covariance[:ASKED, :ASKED], widening)
 
 
 def _design(rows: Rows, present: np.ndarray) -> Floats:

@@ -128,6 +128,7 @@ def _mounting(by_legs: MountingSolution, arms: _Arms, sensors: SensorsConfig) ->
         information=vectors @ np.diag(np.maximum(values, 0.0)) @ vectors.T,
         estimate=posterior @ by_legs.asked[:3],
         ahead=arms.ahead,
+        widening=by_legs.widening,
     )
 
 

@@ -271,6 +271,7 @@ def place_on_plane(
     thickness: float | None = None,
     rim: float = 0.0,
     config: OutlineConfig,
+    edge_sigma_px: float,
 ) -> PlacedContour:
     """Intersect the edge points' rays with the level plane at the joint height of all views.
 
@@ -336,7 +337,7 @@ def place_on_plane(
 
     away = in_base[:, :2] / -fall[:, None]  # metres along the ground per metre of height
     leverage = np.abs(np.sum(normals * away, axis=1))
-    pixels_sigma = np.hypot(config.edge_sigma_px, contour.gap * 0.29)
+    pixels_sigma = np.hypot(edge_sigma_px, contour.gap * 0.29)
     pixels_sigma[~is_table] = np.maximum(pixels_sigma[~is_table], 1.0)
     # On a face the crossing is as uncertain as a depth there. Smoothing over about a dozen pixels
     # reduces the part of the noise that they do not share.

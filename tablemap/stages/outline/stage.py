@@ -79,7 +79,7 @@ def find_edges(
         if seen is not None:
             traced.append(_TracedView(snapshot, plane, seen, trace(seen, snapshot, config=config)))
 
-    faces = _faces(traced, height, config)
+    faces = _faces(traced, height, config, sensors)
     thickness = joint_thickness(faces, config=config)
     rim = None if thickness is None else joint_rim(faces)
     labels = {view.index: view.labels for view in used}
@@ -94,6 +94,7 @@ def find_edges(
             thickness=None if thickness is None else thickness[0],
             rim=0.0 if rim is None or rim[0] < 3 * rim[1] else rim[0],
             config=config,
+            edge_sigma_px=sensors.edge_sigma_px,
         )
         top, free = vote(item.seen, item.snapshot, labels[item.snapshot.index], config=config)
         edges = ViewEdges(
@@ -164,12 +165,20 @@ def _shrunk(plane: ViewPlane, height: float, scatter: float) -> ViewPlane:
     )
 
 
-def _faces(traced: list[_TracedView], level: float, config: OutlineConfig) -> list[FaceEnds]:
+def _faces(
+    traced: list[_TracedView], level: float, config: OutlineConfig, sensors: SensorsConfig
+) -> list[FaceEnds]:
     """Return the lower ends of the side face at the near edges of each view."""
     ends = []
     for item in traced:
         placed = place_on_plane(
-            item.seen, item.contour, item.snapshot, plane=item.plane, level=level, config=config
+            item.seen,
+            item.contour,
+            item.snapshot,
+            plane=item.plane,
+            level=level,
+            config=config,
+            edge_sigma_px=sensors.edge_sigma_px,
         )
         ends.append(
             face_ends(

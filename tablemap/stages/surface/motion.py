@@ -69,8 +69,10 @@ class Mounting:
     estimate: (3,), information times these
     ahead: metres from the camera to the legs; a focal length that is off by a share q stretches
         their bearings as a shift of q times this would
+    widening: pixels that the depth image adds to a leg on each side, and its standard deviation
     """
 
     information: Floats
     estimate: Floats
     ahead: float
+    widening: tuple[float, float] = (0.0, np.inf)

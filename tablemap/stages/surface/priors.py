@@ -40,7 +40,8 @@ def common_prior(
     A near edge belongs to the side face. A far edge ends where the flat top ends: at a bevelled or
     rounded rim this is millimetres inside. The image of the side face shows a large bevel, but not
     a small rounding. The legs, which laser and camera both see, tell where the camera is. The edges
-    cannot: a camera too far ahead looks like one that is nearer to the top.
+    cannot: a camera too far ahead looks like one that is nearer to the top. The legs also show by
+    how much the depth image widens what stands before a background, as stereo's windows do.
     """
     camera = outline.camera
     unknown = sensors.calibrated_depth_scale_sigma_surface
@@ -52,6 +53,7 @@ def common_prior(
         held = camera is not None and camera.is_held
         focal = sensors.focal_length_sigma if held else sensors.calibrated_focal_length_sigma
         shift = max(registration.systematic / config.systematic_sigmas, 1e-6)
+    widening, far_bias = _far_bias(mounting, sensors)
     set_back = sensors.rim_set_back if outline.is_dull else sensors.sharp_rim_set_back
     sigmas = CommonNuisances(
         scale=unknown,
@@ -60,7 +62,7 @@ def common_prior(
         yaw=sensors.laser_mounting_yaw_sigma,
         focal=focal,
         near_bias=sensors.near_edge_bias,
-        far_bias=sensors.far_edge_bias,
+        far_bias=far_bias,
         shift_x=shift,
         shift_y=shift,
         set_back=max(set_back, 1e-6),
@@ -72,17 +74,37 @@ def common_prior(
         at = [CommonNuisances.place(name) for name in ("scale", "roll", "pitch")]
         covariance[np.ix_(at, at)] = camera.covariance[1:, 1:] + np.diag([1e-12] * 3)
     precision: Floats = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
-    mean = CommonNuisances().pack()
+    mean = CommonNuisances(far_bias=widening).pack()
     if mounting is not None:
         seen = np.zeros((3, CommonNuisances.COUNT))
         for row, name in enumerate(("shift_x", "shift_y", "yaw")):
             seen[row, CommonNuisances.place(name)] = 1.0
         seen[0, CommonNuisances.place("focal")] = -mounting.ahead
+        pull = precision @ mean + seen.T @ mounting.estimate
         precision = precision + seen.T @ mounting.information @ seen
-        mean = np.asarray(np.linalg.solve(precision, seen.T @ mounting.estimate), dtype=np.float64)
+        mean = np.asarray(np.linalg.solve(precision, pull), dtype=np.float64)
     return mean, precision
 
 
+def _far_bias(mounting: Mounting | None, sensors: SensorsConfig) -> tuple[float, float]:
+    """Return the outward bias of far edges and its standard deviation, in sigmas of an edge point.
+
+    Most depth images widen nothing: only a clear sign in the legs' silhouettes counts. A near edge
+    has its side face beside it, and so no background.
+    """
+    if mounting is None:
+        return 0.0, sensors.far_edge_bias
+    widening, sigma = mounting.widening
+    noise = float(np.hypot(sigma, sensors.edge_widening_sigma_px))
+    if widening < _CLEAR * noise:
+        return 0.0, sensors.far_edge_bias
+    gain = 1.0 / (1.0 + (noise / sensors.silhouette_width_sigma_px) ** 2)
+    unit = sensors.edge_sigma_px
+    sigma = np.hypot(sensors.far_edge_bias, noise * np.sqrt(gain) / unit)
+    return gain * widening / unit, float(sigma)
+
+
+_CLEAR = 2.0  # sigmas
 _TOP_SLOPE = np.deg2rad(0.1)  # sigma of the top's slope, after the calibration by floor and top
 
 

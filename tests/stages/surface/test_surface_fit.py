@@ -11,7 +11,7 @@ from tablemap.config import SensorsConfig, SurfaceConfig
 from tablemap.errors import EstimationError
 from tablemap.geometry import Pose2
 from tablemap.stages.calibration import TopBelief
-from tablemap.stages.surface import Surface, fit_surface
+from tablemap.stages.surface import Mounting, Surface, fit_surface
 from tablemap.stages.surface.shapes.shape import area, signed_distance
 from tests.making.edges import (
     Bench,
@@ -86,6 +86,33 @@ def test_a_dull_rim_leaves_the_size_to_the_near_edges() -> None:
         figure = surface.dimensions[key]
         assert figure.sigma is not None
         assert abs(figure.value - truth) < min(0.003, 3 * figure.sigma)
+
+
+def test_legs_tell_how_much_stereo_widens_far_edges() -> None:
+    """Far edges 1 px outside: the legs, as much wider, take the error out of every dimension."""
+    far_bias = 1.0 / SENSORS.edge_sigma_px
+    bench = replace(Bench(), far_bias=far_bias, bias_sigma=0.0)
+    wide = Mounting(np.zeros((3, 3)), np.zeros(3), 1.0, widening=(1.0, 0.1))
+    unclear = replace(wide, widening=(0.3, 0.15))
+    for seed in range(3):
+        outline, registration = observe(TABLES["rectangle"], bench, np.random.default_rng(seed))
+        found = [
+            fit_surface(
+                outline,
+                registration,
+                config=SurfaceConfig(),
+                sensors=SENSORS,
+                seed=0,
+                mounting=mounting,
+            )
+            for mounting in (None, unclear, wide)
+        ]
+        for key, truth in TABLES["rectangle"].dimensions.items():
+            alone, unsure, told = (surface.dimensions[key] for surface in found)
+            assert told.sigma is not None
+            assert abs(told.value - truth) < min(0.003, 2.5 * told.sigma)
+            assert told.value < alone.value - 0.001
+            assert unsure.value == alone.value
 
 
 def test_a_wrong_camera_height_is_admitted() -> None:
