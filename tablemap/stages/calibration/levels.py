@@ -13,8 +13,7 @@ from scipy import ndimage
 from tablemap.config import CalibrationConfig
 from tablemap.geometry import Bools, Floats, Ints
 from tablemap.stages.calibration.field import REFERENCE_M, image_coordinates, terms
-from tablemap.stages.snapshots import Snapshot, depth_sigma, turned_left
-from tablemap.stages.snapshots.noise import coarse_step
+from tablemap.stages.snapshots import Snapshot, turned_left
 from tablemap.stages.snapshots.normals import upward_share
 
 STRIDE_PX = 2
@@ -134,8 +133,8 @@ def collect(
         arms = (snapshot.camera.rays[::STRIDE_PX, ::STRIDE_PX] * depth[..., None]) @ (
             snapshot.base_from_camera[:3, :3].T.astype(np.float32)
         )
-        noise = depth_sigma(snapshot)[::STRIDE_PX, ::STRIDE_PX]
-        step = coarse_step(snapshot)
+        noise = snapshot.noise.sigma(depth)
+        step = snapshot.noise.coarse_step
         steps.append(step)
         floor = _floor(arms, snapshot, None if corrected is None else corrected[view], step, config)
         pixels += int(floor.sum()) * STRIDE_PX**2

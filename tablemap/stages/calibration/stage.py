@@ -30,7 +30,6 @@ from tablemap.stages.calibration.level import floor_level, lowered
 from tablemap.stages.calibration.levels import LevelSamples, SeenTop, collect
 from tablemap.stages.calibration.result import Calibration, LevelResiduals
 from tablemap.stages.snapshots import Snapshot
-from tablemap.stages.snapshots.noise import coarse_step
 
 _LEAST_FLOOR_SHARE = 0.15
 _IMPLAUSIBLE_SIGMAS = 2.0
@@ -130,7 +129,7 @@ def _beliefs(
     Depth with coarse steps gets no field, as its steps would look like one. The focal length is not
     fitted, as on planes its error looks like tilts and a field.
     """
-    step = float(np.median([coarse_step(snapshot) for snapshot in snapshots] or [0.0]))
+    step = float(np.median([snapshot.noise.coarse_step for snapshot in snapshots] or [0.0]))
     tilt = float(np.deg2rad(sensors.camera_tilt_sigma_deg))
     held = _is_held(snapshots, config)
     loose = _HELD_LOOSER if held else 1.0

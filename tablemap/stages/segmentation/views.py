@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from tablemap.geometry import Bools
-from tablemap.stages.snapshots import Snapshot, depth_sigma
+from tablemap.stages.snapshots import Snapshot
 from tablemap.stages.snapshots.normals import upward_share
 
 COARSE_SIGMA_M = 0.008
@@ -57,7 +57,7 @@ def look(snapshot: Snapshot, *, stride: int, coarser: SampledView | None = None)
     )
     points = turned * depth[..., None] + snapshot.base_from_camera[:3, 3].astype(np.float32)
     steep = np.abs(turned[..., 2])
-    noise = depth_sigma(snapshot)[::stride, ::stride]
+    noise = snapshot.noise.sigma(depth)
     if coarser is None:
         valid = np.isfinite(noise)
         coarse = bool(valid.any() and float(np.median(noise[valid])) > COARSE_SIGMA_M)

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from tablemap.stages.snapshots.directions import turned_left
-from tablemap.stages.snapshots.noise import axial_noise, depth_sigma
+from tablemap.stages.snapshots.noise import DepthNoise, depth_noise
 from tablemap.stages.snapshots.result import Camera, SetAside, Snapshot, Snapshots, Viewpoint
 from tablemap.stages.snapshots.stage import find_viewpoints, take_snapshots
 from tablemap.stages.snapshots.stops import is_same_place
 
 __all__ = [
     "Camera",
+    "DepthNoise",
     "SetAside",
     "Snapshot",
     "Snapshots",
     "Viewpoint",
-    "axial_noise",
-    "depth_sigma",
+    "depth_noise",
     "find_viewpoints",
     "is_same_place",
     "take_snapshots",

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from tablemap.robust import mad_sigma
-from tablemap.stages.snapshots.result import Snapshot
 
 ROW_STRIDE_PX = 5
 LAG_PX = 4  # structured light correlates neighbouring pixels; at this distance hardly any more
@@ -17,23 +18,36 @@ COARSE_SHARE = 0.015
 LEAST_SIGMA_M = 0.0005
 
 
-def axial_noise(depth: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the axial noise in metres of a structured-light camera (Nguyen 2012, frontal)."""
-    return (0.0012 + 0.0019 * (depth - 0.4) ** 2).astype(np.float32)
+@dataclass(frozen=True, eq=False)
+class DepthNoise:
+    """The noise of one depth image, by slabs of ``SLAB_M`` metres of depth.
+
+    - ``sigmas``: (slabs,) standard deviation of a depth in each slab, metres
+    - ``coarse_step``: step between depth values, metres, if it is coarse, else 0; steps of a
+      disparity, up to a percent of the range, are not coarse: their rounding errors average out
+    """
+
+    sigmas: NDArray[np.float32]
+    coarse_step: float
+
+    def sigma(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the standard deviation (...) of depths (...) of the image, NaN where missing."""
+        per_pixel: NDArray[np.float32] = self.sigmas[_slabs(depth)].astype(np.float32)
+        per_pixel[~np.isfinite(depth)] = np.nan
+        return per_pixel
 
 
-def depth_sigma(snapshot: Snapshot) -> NDArray[np.float32]:
-    """Return (height, width) the standard deviation of each depth in metres, NaN where missing.
+def depth_noise(depth: NDArray[np.float32]) -> DepthNoise:
+    """Measure the noise of a depth image (height, width), metres, NaN where missing.
 
     Each slab of range has two terms: the spread of second differences along the rows (they are zero
     on a plane), and the step between the depth values that occur, as a uniform error of that
     width. A slab with too few pixels gets the noise of a structured-light camera.
     """
-    depth = snapshot.depth
-    slab = np.where(np.isfinite(depth), depth / SLAB_M, 0).astype(np.int32)
+    slab = _slabs(depth)
     count = int(slab.max()) + 1 if slab.size else 1
     centres = ((np.arange(count) + 0.5) * SLAB_M).astype(np.float32)
-    sigmas = axial_noise(centres)
+    sigmas = _axial_noise(centres)
     steps = _value_steps(depth, count)
     if depth.shape[1] > 2 * LAG_PX:
         rows = depth[::ROW_STRIDE_PX]
@@ -48,27 +62,27 @@ def depth_sigma(snapshot: Snapshot) -> NDArray[np.float32]:
                 spread = mad_sigma(bends[order[bounds[k] : bounds[k + 1]]])
                 sigmas[k] = spread / np.sqrt(6)
     sigmas = np.sqrt(sigmas**2 + steps**2 / 12 + LEAST_SIGMA_M**2)
-    per_pixel: NDArray[np.float32] = sigmas[slab].astype(np.float32)
-    per_pixel[~np.isfinite(depth)] = np.nan
-    return per_pixel
+    pixels = np.bincount(slab[np.isfinite(depth)], minlength=count)
+    return DepthNoise(sigmas, _coarse_step(steps, pixels))
 
 
-def coarse_step(snapshot: Snapshot) -> float:
-    """Return the step between depth values, metres, if it is coarse, else 0.
+def _axial_noise(depth: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the axial noise in metres of a structured-light camera (Nguyen 2012, frontal)."""
+    return (0.0012 + 0.0019 * (depth - 0.4) ** 2).astype(np.float32)
 
-    Steps of a disparity, up to a percent of the range, do not count as coarse: their rounding
-    errors average out.
-    """
-    depth = snapshot.depth
-    valid = depth[np.isfinite(depth)]
-    if valid.size == 0:
+
+def _slabs(depth: NDArray[np.float32]) -> NDArray[np.int32]:
+    """Return the slab of each depth, 0 where it is missing."""
+    return np.where(np.isfinite(depth), depth / SLAB_M, 0).astype(np.int32)
+
+
+def _coarse_step(steps: NDArray[np.float32], pixels: NDArray[np.integer]) -> float:
+    """Return the step of the slab that holds the middle pixel, ordered by relative steps."""
+    if not pixels.any():
         return 0.0
-    slabs = (valid / SLAB_M).astype(np.int64)
-    counts = np.bincount(slabs)
-    steps = _value_steps(depth, len(counts))
-    relative = steps / ((np.arange(len(counts)) + 0.5) * SLAB_M)
+    relative = steps / ((np.arange(len(steps)) + 0.5) * SLAB_M)
     order = np.argsort(relative)
-    half = int(np.searchsorted(np.cumsum(counts[order]), valid.size / 2))
+    half = int(np.searchsorted(np.cumsum(pixels[order]), pixels.sum() / 2))
     middle = order[min(half, len(order) - 1)]
     return float(steps[middle]) if relative[middle] > COARSE_SHARE else 0.0
 

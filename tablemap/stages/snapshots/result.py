@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tablemap.geometry import Floats, Ints, Pose2, transform
 from tablemap.recording.messages import CompressedImage, Image
+from tablemap.stages.snapshots.noise import DepthNoise, depth_noise
 
 SnapshotsKind = Literal["stops", "keyframes"]
 """Whether the snapshots come from stops of the base, or were chosen during the drive."""
@@ -84,6 +85,11 @@ class Snapshot:
     colour_message: Image | CompressedImage | None
     base_z: float = 0.0
     localised_sigma: Floats | None = None
+
+    @cached_property
+    def noise(self) -> DepthNoise:
+        """The noise of the depth image."""
+        return depth_noise(self.depth)
 
     def points_in_base(self) -> Floats:
         """Return (height, width, 3) float64 points in the base, NaN where depth is missing."""

@@ -17,7 +17,7 @@ from tablemap.geometry import Bools, Floats, Ints, Pose2, transform
 from tablemap.inputs import Input
 from tablemap.recording import DepthFrame, FrameNames, Recording
 from tablemap.recording.messages import CompressedImage, Image
-from tablemap.stages.snapshots import Snapshot, depth_sigma, take_snapshots
+from tablemap.stages.snapshots import Snapshot, take_snapshots
 from tablemap.stages.snapshots.combining import combine
 from tests.making.round_trips import CAMERA, MESSAGE, mounting, round_trip
 
@@ -377,9 +377,11 @@ def test_where_images_are_split_the_first_decides() -> None:
 def test_sigma_is_read_off_the_image() -> None:
     """Noise of 2 mm at a metre and steps of 39 mm are told from the image itself."""
     noisy = round_trip([], (0.0, 0.0), views=1, noise=0.002)[0]
-    near = np.abs(noisy.depth - 1.6) < 0.1
-    assert np.median(depth_sigma(noisy)[near]) == pytest.approx(0.002 * 1.6**2, rel=0.25)
+    near = noisy.depth[np.abs(noisy.depth - 1.6) < 0.1]
+    assert np.median(noisy.noise.sigma(near)) == pytest.approx(0.002 * 1.6**2, rel=0.25)
     coarse = round_trip([], (0.0, 0.0), views=1, noise=0.0, step=0.039)[0]
-    assert np.median(depth_sigma(coarse)[near]) == pytest.approx(0.039 / np.sqrt(12), rel=0.1)
+    assert np.median(coarse.noise.sigma(near)) == pytest.approx(0.039 / np.sqrt(12), rel=0.1)
     missing = replace(noisy, depth=np.full_like(noisy.depth, np.nan))
-    assert np.isnan(depth_sigma(missing)).all()
+    assert np.isnan(missing.noise.sigma(missing.depth)).all()
+    steps = [shot.noise.coarse_step for shot in (noisy, coarse, missing)]
+    assert steps == pytest.approx([0.0, 0.039, 0.0], abs=0.001)
