@@ -8,12 +8,11 @@ PrimeSense principle.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tablemap.geometry import Bools, Floats
 from tablemap.simulation.image_noise import blobs, window_noise
 from tablemap.simulation.lens import Lens
-from tablemap.simulation.view import View, hidden_from, in_front, look_beside
+from tablemap.simulation.view import Reading, View, hidden_from, in_front, look_beside
 
 _DISPARITY_STEP = 0.125
 _NEAREST = 0.4
@@ -23,16 +22,16 @@ _SUBPIXELS = np.array([[-0.25, -0.25], [0.25, -0.25], [-0.25, 0.25], [0.25, 0.25
 def read(lens: Lens, view: View, rng: np.random.Generator) -> tuple[Floats, Bools]:
     """Return an image's depths (n,) in metres and a mask of pixels without a measurement."""
     noise = lens.settings.noise
-    depth, cosine, parts = view.depth.copy(), view.cosine.copy(), view.parts.copy()
-    missing = ~np.isfinite(depth) | (depth < _NEAREST)
-    if noise:
-        _blur_edges(lens, view, depth, cosine, parts, missing, rng)
+    reading = Reading.of(view, nearest=_NEAREST)
+    if noise and len(view.edges):
+        _blur_edges(lens, view, reading, rng)
+    depth, missing = reading.depth, reading.missing
     if lens.settings.dropouts:
         missing |= hidden_from(lens, depth, lens.settings.baseline)
-        missing |= _unmeasured(lens, view, depth, cosine, parts, rng)
+        missing |= _unmeasured(lens, view, reading, rng)
     depth[missing] = 1.0
     if noise:
-        angle = np.minimum(np.arccos(np.clip(cosine, 0.0, 1.0)), np.deg2rad(82))
+        angle = np.minimum(np.arccos(np.clip(reading.cosine, 0.0, 1.0)), np.deg2rad(82))
         slanted = (angle / (np.pi / 2 - angle)) ** 2
         sigma = 0.0012 + 0.0019 * (depth - 0.4) ** 2 + 0.0001 / np.sqrt(depth) * slanted
         depth += noise * sigma * rng.standard_normal(len(depth), dtype=np.float32)
@@ -43,26 +42,15 @@ def read(lens: Lens, view: View, rng: np.random.Generator) -> tuple[Floats, Bool
     return depth, missing
 
 
-def _blur_edges(
-    lens: Lens,
-    view: View,
-    depth: Floats,
-    cosine: Floats,
-    parts: NDArray[np.int32],
-    missing: Bools,
-    rng: np.random.Generator,
-) -> None:
+def _blur_edges(lens: Lens, view: View, reading: Reading, rng: np.random.Generator) -> None:
     """Replace the pixels near depth edges: displaced sideways, mixed, or lost."""
     where = view.edges
-    if len(where) == 0:
-        return
-    angle = np.minimum(np.arccos(np.clip(cosine[where], 0.0, 1.0)), np.deg2rad(80))
+    angle = np.minimum(np.arccos(np.clip(reading.cosine[where], 0.0, 1.0)), np.deg2rad(80))
     lateral = lens.settings.noise * (0.8 + 0.035 * angle / (np.pi / 2 - angle))
     shift = window_noise(lens, rng)[where] * (lateral * lens.width / 640)[:, None]
     beside = look_beside(lens, view, where, (lens.pixels[where] + shift)[:, None, :] + _SUBPIXELS)
     front, back = beside.depth.argmin(axis=1), beside.depth.argmax(axis=1)
-    row = np.arange(len(where))
-    farthest = beside.depth[row, back]
+    farthest = beside.depth[np.arange(len(where)), back]
     nearest, near = in_front(beside.depth)
     share = near.mean(axis=1)
     split = share < 1
@@ -75,26 +63,17 @@ def _blur_edges(
     value = np.where(goes_back, farthest, value)
     mix = chance[2, mixed]
     value[mixed] = mix * nearest[mixed] + (1 - mix) * farthest[mixed]
-    chosen = np.where(goes_back, back, front)
-    depth[where] = value
-    parts[where] = beside.parts[row, chosen]
-    cosine[where] = beside.cosine[row, chosen]
-    missing[where] = ~np.isfinite(value) | (value < _NEAREST)
+    reading.put(where, value, beside, np.where(goes_back, back, front))
+    reading.missing[where] = ~np.isfinite(value) | (value < _NEAREST)
     if lens.settings.dropouts:
-        missing[where] |= split & (rng.random(len(where)) < 0.35)
+        reading.missing[where] |= split & (rng.random(len(where)) < 0.35)
 
 
-def _unmeasured(
-    lens: Lens,
-    view: View,
-    depth: Floats,
-    cosine: Floats,
-    parts: NDArray[np.int32],
-    rng: np.random.Generator,
-) -> Bools:
+def _unmeasured(lens: Lens, view: View, reading: Reading, rng: np.random.Generator) -> Bools:
     """Draw pixels with too little returned light: grazing, dark, far, glossy, behind glass."""
-    reflectance = np.array([part.reflectance for part in view.scene.parts] + [0.0])[parts]
-    gloss = np.array([part.gloss for part in view.scene.parts] + [0.0])[parts]
+    depth, cosine = reading.depth, reading.cosine
+    reflectance = view.of_material("reflectance", reading.parts)
+    gloss = view.of_material("gloss", reading.parts)
     angle_deg = np.rad2deg(np.arccos(np.clip(cosine, 0.0, 1.0)))
     far = np.where(np.isfinite(depth), depth, 10.0)
     light = reflectance * cosine / far**2

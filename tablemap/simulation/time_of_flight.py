@@ -11,12 +11,11 @@ Compensation in Time-of-Flight Camera Images".
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tablemap.geometry import Bools, Floats, Ints
 from tablemap.simulation.image_noise import blobs
 from tablemap.simulation.lens import Lens
-from tablemap.simulation.view import View, in_front, look_beside
+from tablemap.simulation.view import Reading, View, in_front, look_beside
 
 _NEAREST = 0.25
 _RADIANS_PER_METRE = 2 * np.pi * 100e6 / 299_792_458  # of phase, at 100 MHz
@@ -30,17 +29,17 @@ def read(
 ) -> tuple[Floats, Bools]:
     """Return an image's depths (n,) in metres and a mask of pixels without a measurement."""
     settings = lens.settings
-    depth, cosine, parts = view.depth.copy(), view.cosine.copy(), view.parts.copy()
-    missing = ~np.isfinite(depth) | (depth < _NEAREST)
-    if settings.noise:
-        _mix_edges(lens, view, depth, cosine, parts, missing, rng)
+    reading = Reading.of(view, nearest=_NEAREST)
+    if settings.noise and len(view.edges):
+        _mix_edges(lens, view, reading, rng)
+    depth, missing = reading.depth, reading.missing
     depth[missing] = 1.0
     if multipath is not None:
         depth += multipath
-    reflectance = _reflectance(view, parts)
-    light = np.maximum(reflectance, 0.02) * np.maximum(cosine, 0.02)
+    reflectance = view.of_material("reflectance", reading.parts)
+    light = np.maximum(reflectance, 0.02) * np.maximum(reading.cosine, 0.02)
     if settings.dropouts:
-        missing |= _unmeasured(lens, view, depth, light, parts, rng)
+        missing |= _unmeasured(lens, view, reading, light, rng)
     if settings.noise:
         sigma = np.minimum(0.0008 + 0.0003 * depth**2 / np.sqrt(light), 0.1)
         depth += settings.noise * sigma * rng.standard_normal(len(depth), dtype=np.float32)
@@ -94,7 +93,7 @@ class _Patches:
         solid_angle = step**2 / (lens.k[0, 0] * lens.k[1, 1] * length**3)
         self.areas = solid_angle * self.distances**2 / cosine
         self.light = cosine / self.distances**2
-        self.reflectances = _reflectance(view, view.parts[pixels])
+        self.reflectances = view.of_material("reflectance", view.parts[pixels])
 
 
 def _patches(lens: Lens, view: View, step: int) -> _Patches:
@@ -130,28 +129,14 @@ def _spread(lens: Lens, view: View, pixels: Ints, values: Floats) -> Floats:
     return total / np.maximum(weights, 1e-9)
 
 
-def _reflectance(view: View, parts: NDArray[np.int32]) -> Floats:
-    return np.array([part.reflectance for part in view.scene.parts] + [0.0])[parts]
-
-
-def _mix_edges(
-    lens: Lens,
-    view: View,
-    depth: Floats,
-    cosine: Floats,
-    parts: NDArray[np.int32],
-    missing: Bools,
-    rng: np.random.Generator,
-) -> None:
+def _mix_edges(lens: Lens, view: View, reading: Reading, rng: np.random.Generator) -> None:
     """Replace the pixels near depth edges: mixed, of the larger part, or lost."""
     where = view.edges
-    if len(where) == 0:
-        return
     places = lens.pixels[where][:, None, :] + lens.settings.noise * _FOOTPRINT
     beside = look_beside(lens, view, where, places)
     finite = np.isfinite(beside.depth)
     read = np.where(finite, beside.depth, 0.0)
-    brightness = np.where(finite, _reflectance(view, beside.parts), 0.0)
+    brightness = np.where(finite, view.of_material("reflectance", beside.parts), 0.0)
     brightness *= np.maximum(beside.cosine, 0.02) / np.maximum(read, 0.1) ** 2
     brightness = np.maximum(brightness, 1e-9)
     _, near = in_front(beside.depth)
@@ -162,25 +147,19 @@ def _mix_edges(
     between = np.sum(read * brightness, axis=1) / np.sum(brightness, axis=1)
     chance = rng.random((2, len(where)))
     mixed = split & finite.all(axis=1) & (chance[0] < lens.settings.flying)
-    row, chosen = np.arange(len(where)), of_front.argmax(axis=1)
-    depth[where] = np.where(mixed, between, larger)
-    parts[where] = beside.parts[row, chosen]
-    cosine[where] = beside.cosine[row, chosen]
-    missing[where] = ~(depth[where] >= _NEAREST) | ~finite[row, chosen]
+    value, chosen = np.where(mixed, between, larger), of_front.argmax(axis=1)
+    reading.put(where, value, beside, chosen)
+    reading.missing[where] = ~(value >= _NEAREST) | ~finite[np.arange(len(where)), chosen]
     if lens.settings.dropouts:
-        missing[where] |= split & ~mixed & (chance[1] < 0.5)
+        reading.missing[where] |= split & ~mixed & (chance[1] < 0.5)
 
 
 def _unmeasured(
-    lens: Lens,
-    view: View,
-    depth: Floats,
-    light: Floats,
-    parts: NDArray[np.int32],
-    rng: np.random.Generator,
+    lens: Lens, view: View, reading: Reading, light: Floats, rng: np.random.Generator
 ) -> Bools:
     """Draw pixels with too little returned light; outside of the lit cone there is none."""
-    gloss = np.array([part.gloss for part in view.scene.parts] + [0.0])[parts]
+    depth = reading.depth
+    gloss = view.of_material("gloss", reading.parts)
     lost = 0.0005 + np.clip(1.2 - light / depth**2 / 0.006, 0.0, 1.0) + 0.6 * view.behind_glass
     missing = rng.random(len(depth), dtype=np.float32) < lost
     if gloss.any():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,38 @@ class View:
     cosine: Floats
     behind_glass: Bools
     edges: Ints
+
+    def of_material(
+        self, name: Literal["reflectance", "gloss", "texture"], parts: NDArray[np.int32]
+    ) -> Floats:
+        """Return a property (n,) of the surfaces of parts (n,); 0 for nothing."""
+        return np.array([getattr(part, name) for part in self.scene.parts] + [0.0])[parts]
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """What a camera reads, pixel by pixel, as errors are added; fields as in `View`, (n,) each.
+
+    ``missing`` are the pixels without a measurement.
+    """
+
+    depth: Floats
+    parts: NDArray[np.int32]
+    cosine: Floats
+    missing: Bools
+
+    @staticmethod
+    def of(view: View, *, nearest: float) -> Reading:
+        """Return a view as a camera without errors reads it, from ``nearest`` metres on."""
+        missing = ~np.isfinite(view.depth) | (view.depth < nearest)
+        return Reading(view.depth.copy(), view.parts.copy(), view.cosine.copy(), missing)
+
+    def put(self, where: Ints, depth: Floats, beside: Beside, chosen: Ints) -> None:
+        """Give the pixels ``where`` (n,) a depth, and the surface of one ray (n,) beside each."""
+        row = np.arange(len(where))
+        self.depth[where] = depth
+        self.parts[where] = beside.parts[row, chosen]
+        self.cosine[where] = beside.cosine[row, chosen]
 
 
 @dataclass(frozen=True, eq=False)
