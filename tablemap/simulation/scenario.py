@@ -355,14 +355,14 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
         return Scenario.model_validate({"name": path.stem, **settings})
     except OSError as error:
         raise ConfigError(f"The scenario cannot be read ({error.strerror}): {path}") from error
-    except (ValueError, RecursionError) as error:
-        raise ConfigError(f"The scenario is no valid TOML ({error}): {path}") from error
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
         raise ConfigError(
             f"The scenario's {where}: {first['msg']}; correct it in {path}"
         ) from error
+    except (ValueError, RecursionError) as error:
+        raise ConfigError(f"The scenario is no valid TOML ({error}): {path}") from error
 
 
 def suite(name: str) -> list[str]:
