@@ -20,20 +20,21 @@ _LEVEL_VIEWS = 2  # so many views must show two levels at once
 
 @dataclass(eq=False)
 class Group:
-    """Patches that probably are one surface; ``shape`` is their common hull in the map."""
+    """Patches that probably are one surface.
+
+    - ``shape``: their common hull in the map
+    - ``height``: their area-weighted mean height, metres
+    """
 
     patches: list[Patch] = field(default_factory=list)
     shape: shapely.Geometry = field(default_factory=shapely.Polygon)
-
-    @property
-    def height(self) -> float:
-        """The area-weighted mean height in metres."""
-        areas = [p.area for p in self.patches]
-        return float(np.average([p.height for p in self.patches], weights=areas))
+    height: float = 0.0
 
     def add(self, patch: Patch) -> None:
         """Take in one more patch."""
         self.patches.append(patch)
+        areas = [p.area for p in self.patches]
+        self.height = float(np.average([p.height for p in self.patches], weights=areas))
         self.shape = shapely.unary_union([self.shape, hull(patch.cells)]).convex_hull
 
 

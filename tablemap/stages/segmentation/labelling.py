@@ -197,7 +197,11 @@ def _standing(
     above_plane: NDArray[np.float32],
 ) -> Bools:
     """Return the pixels above the plane that belong to things standing on the top."""
-    hull = shapely.MultiPoint(view.points[top][:: max(1, int(top.sum()) // 4000), :2]).convex_hull
+    thinned = view.points[top][:: max(1, int(top.sum()) // 4000), :2].astype(np.float64)
+    if len(thinned) < 3:
+        return np.zeros_like(top)
+    # Of a line through the points: many points are many objects.
+    hull = shapely.convex_hull(shapely.linestrings(thinned))
     if hull.geom_type != "Polygon":
         return np.zeros_like(top)
     within_hull = inside(hull.buffer(RIM_M, quad_segs=2), view.points, over)

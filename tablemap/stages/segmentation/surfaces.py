@@ -208,25 +208,30 @@ def surroundings(view: SampledView, places: Floats, height: float) -> tuple[floa
     whole = _convex(grid)
     inner = ndimage.binary_erosion(whole, np.ones((3, 3)), iterations=2)
     rim = ndimage.binary_dilation(whole, np.ones((3, 3)), iterations=2) & ~inner
-    z = view.points[..., 2]
+    # One axis at a time: short rows of three are slow.
+    x, y, z = np.ascontiguousarray(view.points[np.isfinite(view.points[..., 2])].T)
     camera = view.snapshot.base_from_camera[:3, 3]
-    with np.errstate(invalid="ignore"):
-        lower = z < height - _UNDER_M
-        upper = (z > height + 0.10) & (z < height + 0.70)
+    lower = z < height - _UNDER_M
+    upper = (z > height + 0.10) & (z < height + 0.70)
+
+    def fitting(*places: NDArray[np.floating]) -> tuple[Ints, Bools]:
+        """Return the cells of those places x, y that lie in the grid, and which these are."""
+        index = [np.floor(each / CELL_M).astype(np.int64) for each in places]
+        fits = np.ones(len(places[0]), dtype=bool)
+        for axis in (0, 1):
+            index[axis] -= low[axis]
+            fits &= (index[axis] >= 0) & (index[axis] < shape[axis])
+        return np.stack([each[fits] for each in index], axis=1), fits
 
     def where(mask: Bools) -> tuple[Ints, NDArray[np.float32]]:
-        points = view.points[mask]
-        index = np.floor(points[:, :2] / CELL_M).astype(np.int64) - low
-        fits = np.all((index >= 0) & (index < np.array(shape)), axis=1)
-        return index[fits], points[fits, 2]
+        found, fits = fitting(x[mask], y[mask])
+        return found, z[mask][fits]
 
     def crossing(mask: Bools) -> Ints:
         """Return the cells in which the rays to some points pass a plane just under the top."""
         share = (camera[2] - (height - _UNDER_M)) / (camera[2] - z[mask])
-        passed = camera[:2] + share[:, None] * (view.points[mask][:, :2] - camera[:2])
-        index = np.floor(passed / CELL_M).astype(np.int64) - low
-        fits: Ints = index[np.all((index >= 0) & (index < np.array(shape)), axis=1)]
-        return fits
+        passed = (camera[k] + share * (each[mask] - camera[k]) for k, each in enumerate((x, y)))
+        return fitting(*passed)[0]
 
     under, heights = where(lower)
     # Points seen under the surface count, and rays that pass under it: these met no front, wherever
