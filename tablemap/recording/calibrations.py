@@ -20,6 +20,8 @@ from tablemap.recording.rectification import (
 
 SAME_SHARE = 0.005
 """Largest difference of equal focal lengths and principal points, as a share of the image."""
+LONE_MESSAGES, LONE_SHARE = 2, 5
+"""What so few messages say against so many times as many others was damaged on its way."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,18 +78,23 @@ class Calibrations:
 
 
 def valid_calibrations(
-    infos: Sequence[CameraInfo], *, topic: str, depth: str
+    infos: Sequence[CameraInfo], *, topic: str, depth: str, counts: Sequence[int] | None = None
 ) -> tuple[Calibrations, list[ProcessWarning]]:
     """Return the valid calibrations in time order, and warnings about the others.
 
+    ``counts`` are the messages that said each: what hardly one says against many does not count.
     Drivers publish zeros until they know the calibration. If only the distortion is wrong, the
     images are taken as undistorted, with a warning that lowers the verdict.
     """
     rectified = is_rectified(depth)
+    said: list[ProcessWarning] = []
+    infos, lone = _without_lone(infos, counts or [1] * len(infos), rectified=rectified)
+    if lone:
+        message = f"{lone} calibrations on {topic} contradict all others there, and were left out."
+        said.append(ProcessWarning("recording.calibration", "recording", message))
     ordered = sorted(infos, key=lambda info: info.stamp_ns)
     flaws = [flaw(info, rectified=rectified) for info in ordered]
     sound = [info for info, what in zip(ordered, flaws, strict=True) if what is None]
-    said: list[ProcessWarning] = []
     if not sound:
         straight = [replace(info, d=np.zeros(0)) for info in ordered]
         sound = [info for info in straight if flaw(info, rectified=rectified) is None]
@@ -110,6 +117,27 @@ def valid_calibrations(
         )
         said.append(ProcessWarning("recording.calibration", "recording", message))
     return Calibrations(topic, depth, tuple(sound)), said
+
+
+def _without_lone(
+    infos: Sequence[CameraInfo], counts: Sequence[int], *, rectified: bool
+) -> tuple[list[CameraInfo], int]:
+    """Return the calibrations without sound ones that hardly a message said, and those messages."""
+    different: list[CameraInfo] = []
+    which = []
+    for info in infos:
+        same = (i for i, other in enumerate(different) if is_same(info, other))
+        which.append(next(same, len(different)))
+        if which[-1] == len(different):
+            different.append(info)
+    totals = np.bincount(which, weights=counts)
+    few = (totals <= LONE_MESSAGES) & (totals * LONE_SHARE <= totals.max())
+    lone = [
+        bool(few[group]) and flaw(info, rectified=rectified) is None
+        for info, group in zip(infos, which, strict=True)
+    ]
+    kept = [info for info, out in zip(infos, lone, strict=True) if not out]
+    return kept, sum(number for number, out in zip(counts, lone, strict=True) if out)
 
 
 def is_same(first: CameraInfo, second: CameraInfo) -> bool:

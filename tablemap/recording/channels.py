@@ -72,6 +72,7 @@ class Channels:
         self._others: dict[str, list[str]] = {}
         self._offsets_ns: dict[str, int] = {}
         self.calibrations: list[CameraInfo] = []
+        self.calibration_counts: list[int] = []
         self._lags_ns: dict[str, list[int]] = {}
         self._survey()
 
@@ -140,20 +141,28 @@ class Channels:
         self._say("recording.damaged", f"A message on {topic} was left out: it {error}.")
 
     def _take_calibration(
-        self, decoder: Decoder, raw: RawMessage, latest: dict[int, bytes]
+        self, decoder: Decoder, raw: RawMessage, latest: dict[int, tuple[bytes, int | None]]
     ) -> None:
-        """Keep a calibration unless it equals the one before; most differ only in their stamps."""
+        """Keep a calibration unless it equals the one before; most differ only in their stamps.
+
+        ``latest`` holds the bytes of each channel's last one, and which of those that are kept it
+        is; None: none, for it belongs to another frame.
+        """
         rest = bytes(raw.data[_BEHIND_STAMP:]) if decoder.begins_with_header else b""
-        if rest and latest.get(raw.channel_id) == rest:
-            return
-        latest[raw.channel_id] = rest
-        message = decoder.decode(raw)
-        assert isinstance(message, CameraInfo)
-        assert self._roles.calibration is not None
-        if message.frame_id != self._roles.calibration.frame_id:
-            return
-        if not self.calibrations or not is_same(message, self.calibrations[-1]):
-            self.calibrations.append(message)
+        before, index = latest.get(raw.channel_id, (b"", None))
+        if not rest or before != rest:
+            message = decoder.decode(raw)
+            assert isinstance(message, CameraInfo)
+            assert self._roles.calibration is not None
+            index = None
+            if message.frame_id == self._roles.calibration.frame_id:
+                if not self.calibrations or not is_same(message, self.calibrations[-1]):
+                    self.calibrations.append(message)
+                    self.calibration_counts.append(0)
+                index = len(self.calibrations) - 1
+            latest[raw.channel_id] = rest, index
+        if index is not None:
+            self.calibration_counts[index] += 1
 
     def _decoders_of(self, topic: Topic) -> dict[int, Decoder]:
         decoders, problem = decoders_of(topic.channels, self._limits)
@@ -166,7 +175,7 @@ class Channels:
         """Read the recording once for all transforms and for the stamps of images and scans."""
         topic_of = {id: t for t in (*self._topics, *self._roles.transforms) for id in t.ids}
         stamped: dict[str, list[tuple[int, int]]] = {}
-        calibrated: dict[int, bytes] = {}
+        calibrated: dict[int, tuple[bytes, int | None]] = {}
         for transform in implied_transforms(self._roles):
             self.collector.add(transform)
         for raw in self._source.messages(self._decoders):

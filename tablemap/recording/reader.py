@@ -409,6 +409,7 @@ class Recording(RobotPoses):
             self._channels.calibrations or [first],
             topic=self.roles.calibration.name,
             depth=self.roles.depth.name,
+            counts=self._channels.calibration_counts,
         )
         for warning in warnings:
             self._say_once(warning.code, warning.message)

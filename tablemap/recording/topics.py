@@ -23,6 +23,7 @@ from tablemap.recording.messages import (
     CompressedImage,
     DecodingError,
     Image,
+    LaserScan,
     Message,
 )
 from tablemap.recording.raw import Channel, Source
@@ -39,6 +40,7 @@ _SHOWN = {
     *("points", "points2", "cloud", "pointcloud", "xyz", "xyzrgb"),
 }
 _FLAWED = 100  # calibrations that are looked at for one that is none of zeros
+_ALIKE = 5  # messages that are looked at for two that are alike
 _TRANSPORTS = ("compressedDepth", "compressed", "rvl", "theora", "zstd")
 _COLOURS = ("rgb", "bgr", "mono8", "8uc3", "8uc4", "bayer", "yuv", "uyvy", "yuyv", "nv12", "nv21")
 
@@ -133,25 +135,49 @@ def list_topics(source: Source, limits: LimitsConfig) -> list[Topic]:
 def _first_message(
     source: Source, channels: Sequence[Channel], limits: LimitsConfig
 ) -> tuple[Message | None, str | None]:
+    """Return the first message that another one near it resembles, or why there is none.
+
+    All others are measured by it: one wrong letter in its frame would leave out all of them.
+    """
     decoders, problem = decoders_of(channels, limits)
     if not any(source.counts[channel.id] for channel in channels):
         return None, "has no messages"
-    first: Message | None = None
+    found: list[Message] = []
+    flawed: Message | None = None
     for tried, raw in enumerate(source.messages(decoders)):
         try:
             message = decoders[raw.channel_id].decode(raw)
         except DecodingError as error:
             problem = str(error)
         else:
-            first = first or message
             # Drivers publish zeros until they know the calibration.
-            if not isinstance(message, CameraInfo) or flaw(message, rectified=False) is None:
-                return message, None
-        if tried >= (10 if first is None else _FLAWED):
+            if isinstance(message, CameraInfo) and flaw(message, rectified=False) is not None:
+                flawed = flawed or message
+            else:
+                found.append(message)
+                alike = [each for each in found if _looks(each) == _looks(message)]
+                if isinstance(message, tuple) or len(alike) > 1:
+                    return alike[0], None
+        if len(found) >= _ALIKE or tried >= (_FLAWED if found or flawed else 10):
             break
-    if first is not None:
-        return first, None
+    if found or flawed is not None:
+        return found[0] if found else flawed, None
     return None, problem or "has no message that could be read"
+
+
+def _looks(message: Message) -> tuple[object, ...]:
+    """Return what the messages of one sensor have in common."""
+    if isinstance(message, tuple):
+        return ()
+    if isinstance(message, CameraInfo):
+        return message.frame_id, message.width, message.height, message.k.tobytes()
+    if isinstance(message, Image):
+        return message.frame_id, message.encoding, message.width, message.height
+    if isinstance(message, CompressedImage):
+        return message.frame_id, message.format
+    if isinstance(message, LaserScan):
+        return message.frame_id, message.angle_min, message.angle_increment
+    return message.frame_id, message.child_frame
 
 
 def decoders_of(

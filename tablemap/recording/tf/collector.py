@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from array import array
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from tablemap.config import LimitsConfig
 from tablemap.errors import RecordingError
-from tablemap.geometry import Floats
+from tablemap.geometry import Floats, Ints
 from tablemap.recording.clocks import Lags
 from tablemap.recording.messages import TransformStamped
 from tablemap.recording.tf.frames import TransformEdge, TransformTree
@@ -29,14 +29,20 @@ from tablemap.recording.tf.tracks import (
 
 FARTHEST = 1e6
 """Damaged messages may have any number: a place a thousand kilometres away is not valid."""
+LONE_SHARE = 20
+"""What is said by so many times fewer messages than something else is not believed."""
 
 
 @dataclass
 class _PoseSamples:
-    """The samples of an edge from one publisher: stamps, seven numbers each, and the last one."""
+    """The samples of an edge from one publisher: stamps, seven numbers each, and the last one.
+
+    ``counts`` are the messages that each stands for.
+    """
 
     stamps: array[int] = field(default_factory=lambda: array("q"))
     poses: array[float] = field(default_factory=lambda: array("d"))
+    counts: array[int] = field(default_factory=lambda: array("q"))
     latest: int = 0
 
     def add(self, stamp_ns: int, values: array[float], number: int) -> None:
@@ -44,9 +50,11 @@ class _PoseSamples:
         self.latest = number
         if self.poses[-14:] == values * 2 and self.stamps[-1] <= stamp_ns:
             self.stamps[-1] = stamp_ns
+            self.counts[-1] += 1
             return
         self.stamps.append(stamp_ns)
         self.poses.extend(values)
+        self.counts.append(1)
 
 
 @dataclass(frozen=True)
@@ -130,17 +138,19 @@ class TransformCollector:
                 for key, count in self._misnamed.items()
             }
         )
-        edges = []
-        for key, senders in self._edges.items():
-            sent = {
+        sent = {
+            key: {
                 sender: samples
                 for sender, samples in senders.items()
                 if sender.namespace not in without
             }
-            edge = self._edge(key, sent)
-            if edge is not None:
-                edges.append(edge)
-        return TransformTree(edges, self._limits)
+            for key, senders in self._edges.items()
+        }
+        lone = _lone_parents(sent)
+        self.rejected.update(lone)
+        left_out = {(parent, child) for parent, child, _ in lone}
+        edges = [self._edge(key, own) for key, own in sent.items() if key not in left_out]
+        return TransformTree([edge for edge in edges if edge is not None], self._limits)
 
     @property
     def has_static(self) -> bool:
@@ -154,19 +164,29 @@ class TransformCollector:
             for (parent, child, reason), number in self.rejected.most_common()
         ]
         more = f" and of {len(shown) - 3} more frames" if len(shown) > 3 else ""
-        return f"{', '.join(shown[:3])}{more} were left out, as they are no rigid motions."
+        return f"{', '.join(shown[:3])}{more} were left out."
 
     def _edge(
         self, key: tuple[str, str], senders: dict[_Sender, _PoseSamples]
     ) -> TransformEdge | None:
         moving: list[Track] = []
         static: list[Track] = []
+        counts: list[Ints] = []
         for sender, samples in sorted(senders.items(), key=lambda each: each[1].latest):
-            track, unsound = _sound(samples)
+            track, own_counts, unsound = _sound(samples)
             for reason, number in unsound.items():
                 self.rejected[(*key, reason)] += number
-            if len(track.stamps_ns):
-                (static if sender.is_static else moving).append(track)
+            if not len(track.stamps_ns):
+                continue
+            if sender.is_static:
+                static.append(track)
+                counts.append(own_counts)
+            else:
+                moving.append(track)
+        if static:
+            static, lone = _agreed(static, counts)
+            if lone:
+                self.rejected[(*key, "nearly all others have it elsewhere")] += lone
         if not moving:
             return _static_edge(key, static) if static else None
         source = separate([_by_stamp(track) for track in moving], static)
@@ -179,9 +199,32 @@ class TransformCollector:
         return TransformEdge(*key, stamps, places, turns, _conflict(key, source))
 
 
-def _sound(samples: _PoseSamples) -> tuple[Track, Counter[str]]:
-    """Return the valid samples in their order, and the number of others by reason."""
+def _lone_parents(
+    sent: Mapping[tuple[str, str], Mapping[_Sender, _PoseSamples]],
+) -> Counter[tuple[str, str, str]]:
+    """Return the edges, with why and how often, whose child nearly always has another parent.
+
+    One wrong letter makes such an edge, and would leave the child with two parents.
+    """
+    counts: dict[tuple[str, bool], Counter[str]] = {}
+    for (parent, child), senders in sent.items():
+        for sender, samples in senders.items():
+            own = counts.setdefault((child, sender.is_static), Counter())
+            own[parent] += sum(samples.counts)
+    lone: Counter[tuple[str, str, str]] = Counter()
+    for (child, is_static), parents in counts.items():
+        (usual, most), *others = parents.most_common()
+        for parent, count in others:
+            elsewhere = counts.get((child, not is_static), Counter())
+            if count * LONE_SHARE <= most and parent not in elsewhere:
+                lone[(parent, child, f"{most} others have it below {usual}")] += count
+    return lone
+
+
+def _sound(samples: _PoseSamples) -> tuple[Track, Ints, Counter[str]]:
+    """Return the valid samples in their order with their counts, and the others by reason."""
     stamps = np.array(samples.stamps, dtype=np.int64)
+    counts = np.array(samples.counts, dtype=np.int64)
     poses = np.array(samples.poses).reshape(-1, 7)
     sent = np.linalg.norm(poses[:, 3:], axis=1)
     poses = np.where(np.abs(poses) < FARTHEST, poses, np.nan)
@@ -193,10 +236,27 @@ def _sound(samples: _PoseSamples) -> tuple[Track, Counter[str]]:
         "a quaternion that is not of length 1": finite & ~sound & (sent >= 1e-9),
         "a place or turn that is no number, or too large": ~finite,
     }
-    unsound = Counter({reason: int(np.sum(which)) for reason, which in reasons.items()})
+    unsound = Counter({reason: int(counts[which].sum()) for reason, which in reasons.items()})
     stamps, poses, norms = stamps[sound], poses[sound], norms[sound]
     poses[:, 3:] /= norms[:, None]
-    return Track(stamps, poses), +unsound
+    return Track(stamps, poses), counts[sound], +unsound
+
+
+def _agreed(tracks: list[Track], counts: list[Ints]) -> tuple[list[Track], int]:
+    """Return static transforms without values that hardly a message has, and those messages."""
+    _, which = np.unique(
+        np.concatenate([track.poses for track in tracks]), axis=0, return_inverse=True
+    )
+    weights = np.concatenate(counts)
+    totals = np.bincount(which.ravel(), weights=weights)
+    is_kept = (totals * LONE_SHARE > totals.max())[which.ravel()]
+    parts = np.split(is_kept, np.cumsum([len(own) for own in counts])[:-1])
+    kept = [
+        Track(track.stamps_ns[part], track.poses[part])
+        for track, part in zip(tracks, parts, strict=True)
+        if part.any()
+    ]
+    return kept, int(weights[~is_kept].sum())
 
 
 def _by_stamp(track: Track) -> Track:
