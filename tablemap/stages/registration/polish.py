@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial import cKDTree
 
-from tablemap.geometry import Floats, Pose2, wrap_angles
+from tablemap.geometry import Floats, Ints, compose, inverses, wrap_angles
 from tablemap.robust import kernel_weight
 from tablemap.stages.registration.graph import GraphEdge, accumulate, edge_errors, edge_jacobians
 from tablemap.stages.registration.result import StopScan
@@ -61,9 +62,9 @@ def polish(
     once, however many pairs use it, and ``correlation`` beams as one.
     """
     scans = {i: stop for i, stop in enumerate(stops) if stop is not None and len(stop.points)}
-    trees = {i: cKDTree(stop.points) for i, stop in scans.items()}
     both = [(a, b) for a, b in pairs if a in scans and b in scans]
     ordered = sorted({*both, *((b, a) for a, b in both)})
+    paired = _PairedPoints.of(scans, ordered)
     poses = poses.astype(np.float64).copy()
     size = 3 * len(poses) + 1
     bias, sigma = 0.0, kernel
@@ -75,7 +76,7 @@ def polish(
     for gate in gates:
         width = max(kernel, gate / 5)
         for _ in range(_ITERATIONS_A_GATE):
-            sums = _correspond(scans, trees, ordered, poses, bias, gate, width)
+            sums = _correspond(paired, poses, bias, gate, width)
             sigma = max(float(np.sqrt(sums.squared / max(sums.weight, 1e-9))), _LEAST_SIGMA)
             variance = sigma**2 * effective
             system, gradient = sums.system / variance, sums.gradient / variance
@@ -105,58 +106,128 @@ def _every(stop: StopScan) -> int:
     return max(1, -(-len(stop.points) // _SOURCE_POINTS))
 
 
+@dataclass(frozen=True, eq=False)
+class _PairedPoints:
+    """The points of all ordered pairs, one after the other, those of one target together.
+
+    - ``pairs``: (p, 2) source and target
+    - ``ends``: (p + 1,) where each pair's points begin, and the last one's end
+    - ``pair``: (n,) the pair of each point
+    - ``points``, ``normals``, ``directions``: (n, 2) of the sources, each in its own base
+    - ``to_points``, ``to_normals``, ``to_directions``: (m, 2) of the targets
+    - ``offset``: (p,) where each pair's target begins in these
+    - ``trees``: by target, of its points
+    """
+
+    pairs: Ints
+    ends: Ints
+    pair: Ints
+    points: Floats
+    normals: Floats
+    directions: Floats
+    to_points: Floats
+    to_normals: Floats
+    to_directions: Floats
+    offset: Ints
+    trees: dict[int, cKDTree]
+
+    @staticmethod
+    def of(scans: dict[int, StopScan], pairs: Sequence[tuple[int, int]]) -> _PairedPoints:
+        ordered = sorted(pairs, key=lambda pair: (pair[1], pair[0]))
+        thinned = {i: slice(None, None, _every(stop)) for i, stop in scans.items()}
+        sources = [(scans[s], thinned[s]) for s, _ in ordered]
+        counts = [len(stop.points[every]) for stop, every in sources]
+        sizes = [len(stop.points) for stop in scans.values()]
+        begin = dict(zip(scans, _begins(sizes), strict=True))
+
+        def all_of(name: str) -> Floats:
+            none = np.zeros((0, 2))
+            return np.concatenate([none, *(getattr(stop, name)[every] for stop, every in sources)])
+
+        def targets(name: str) -> Floats:
+            return np.concatenate([np.zeros((0, 2)), *(getattr(s, name) for s in scans.values())])
+
+        return _PairedPoints(
+            pairs=np.array(ordered, dtype=np.int64).reshape(-1, 2),
+            ends=np.array([*_begins(counts), sum(counts)], dtype=np.int64),
+            pair=np.repeat(np.arange(len(ordered)), counts),
+            points=all_of("points"),
+            normals=all_of("normals"),
+            directions=all_of("directions"),
+            to_points=targets("points"),
+            to_normals=targets("normals"),
+            to_directions=targets("directions"),
+            offset=np.array([begin[t] for _, t in ordered], dtype=np.int64),
+            trees={i: cKDTree(stop.points) for i, stop in scans.items()},
+        )
+
+
+def _begins(counts: Sequence[int]) -> list[int]:
+    return [0, *np.cumsum(counts).tolist()][: len(counts)]
+
+
 def _correspond(
-    scans: dict[int, StopScan],
-    trees: dict[int, cKDTree],
-    ordered: Sequence[tuple[int, int]],
-    poses: Floats,
-    bias: float,
-    gate: float,
-    kernel: float,
+    paired: _PairedPoints, poses: Floats, bias: float, gate: float, kernel: float
 ) -> _Sums:
     """Accumulate the normal equations of n_t . (P_s p - P_t q) over all ordered pairs."""
     size = 3 * len(poses) + 1
+    sources, targets = paired.pairs.T
+    relative = compose(inverses(poses[targets]), poses[sources])
+    corrected = paired.points + bias * paired.directions
+    turns = _turns(relative[:, 2])[paired.pair]
+    moved = _turned(turns, corrected) + relative[paired.pair, :2]
+    distance = np.empty(len(moved))
+    index = np.empty(len(moved), dtype=np.int64)
+    # The pairs of one target lie together: its tree is asked once.
+    bounds = np.flatnonzero(np.diff(targets, prepend=-1, append=-1))
+    for first, last in pairwise(bounds.tolist()):
+        part = slice(int(paired.ends[first]), int(paired.ends[last]))
+        tree = paired.trees[int(targets[first])]
+        distance[part], index[part] = tree.query(moved[part], distance_upper_bound=gate)
+    found = np.flatnonzero(np.isfinite(distance))
+    index = index[found] + paired.offset[paired.pair[found]]
+    facing = _turned(turns[found], paired.normals[found])
+    agree = np.einsum("ij,ij->i", facing, paired.to_normals[index]) > _NORMAL_COSINE
+    found, index = found[agree], index[agree]
+    pair = paired.pair[found]
+    from_source, from_target = (_turns(poses[of, 2])[pair] for of in (sources, targets))
+    p = _turned(from_source, corrected[found])
+    q = _turned(from_target, paired.to_points[index] + bias * paired.to_directions[index])
+    n = _turned(from_target, paired.to_normals[index])
+    apart = p + poses[sources, :2][pair] - q - poses[targets, :2][pair]
+    residual = np.einsum("ij,ij->i", n, apart)
+    along = _turned(from_source, paired.directions[found])
+    along -= _turned(from_target, paired.to_directions[index])
+    rows = np.empty((len(index), 7))
+    rows[:, 0:2], rows[:, 3:5] = n, -n
+    rows[:, 2] = n[:, 1] * p[:, 0] - n[:, 0] * p[:, 1]
+    rows[:, 5] = -(n[:, 1] * q[:, 0] - n[:, 0] * q[:, 1])
+    rows[:, 5] += n[:, 0] * apart[:, 1] - n[:, 1] * apart[:, 0]
+    rows[:, 6] = np.einsum("ij,ij->i", n, along)
+    weight = kernel_weight(residual, kernel)
+    weighted = rows * weight[:, None]
     system, gradient = np.zeros((size, size)), np.zeros(size)
-    squared = total = 0.0
-    matched = np.zeros(len(poses))
-    for s, t in ordered:
-        source, target = scans[s], scans[t]
-        every = _every(source)
-        in_map, in_target_map = Pose2.from_array(poses[s]), Pose2.from_array(poses[t])
-        target_from_source = in_target_map.inverse() @ in_map
-        corrected = source.points[::every] + bias * source.directions[::every]
-        distance, index = trees[t].query(
-            target_from_source.apply(corrected), distance_upper_bound=gate
-        )
-        found = np.isfinite(distance)
-        index = np.where(found, index, 0)
-        normals = target_from_source.rotate(source.normals[::every])
-        found &= np.einsum("ij,ij->i", normals, target.normals[index]) > _NORMAL_COSINE
-        if not found.any():
-            continue
-        index = index[found]
-        p = in_map.rotate(corrected[found])
-        q = in_target_map.rotate(target.points[index] + bias * target.directions[index])
-        n = in_target_map.rotate(target.normals[index])
-        apart = p + poses[s, :2] - q - poses[t, :2]
-        residual = np.einsum("ij,ij->i", n, apart)
-        along = in_map.rotate(source.directions[::every][found])
-        along -= in_target_map.rotate(target.directions[index])
-        rows = np.empty((len(index), 7))
-        rows[:, 0:2], rows[:, 3:5] = n, -n
-        rows[:, 2] = n[:, 1] * p[:, 0] - n[:, 0] * p[:, 1]
-        rows[:, 5] = -(n[:, 1] * q[:, 0] - n[:, 0] * q[:, 1])
-        rows[:, 5] += n[:, 0] * apart[:, 1] - n[:, 1] * apart[:, 0]
-        rows[:, 6] = np.einsum("ij,ij->i", n, along)
-        weight = kernel_weight(residual, kernel)
+    ends = np.searchsorted(pair, np.arange(len(paired.pairs) + 1))
+    for k, (s, t) in enumerate(paired.pairs.tolist()):
+        part = slice(int(ends[k]), int(ends[k + 1]))
         columns = np.array([3 * s, 3 * s + 1, 3 * s + 2, 3 * t, 3 * t + 1, 3 * t + 2, size - 1])
-        weighted = rows.T * weight
-        system[np.ix_(columns, columns)] += weighted @ rows
-        gradient[columns] += weighted @ residual
-        squared += float(weight @ residual**2)
-        total += float(weight.sum())
-        matched[s] += float(weight.sum())
-    return _Sums(system, gradient, squared, total, matched)
+        system[np.ix_(columns, columns)] += weighted[part].T @ rows[part]
+        gradient[columns] += weighted[part].T @ residual[part]
+    matched: Floats = np.zeros(len(poses))
+    np.add.at(matched, sources[pair], weight)
+    return _Sums(system, gradient, float(weight @ residual**2), float(weight.sum()), matched)
+
+
+def _turns(yaws: Floats) -> Floats:
+    """Return (n, 2): the cosines and sines of (n,) angles."""
+    return np.column_stack([np.cos(yaws), np.sin(yaws)])
+
+
+def _turned(turns: Floats, vectors: Floats) -> Floats:
+    """Turn (n, 2) vectors, each by its own angle."""
+    c, s = turns.T
+    x, y = vectors.T
+    return np.column_stack([c * x - s * y, s * x + c * y])
 
 
 def _add_priors(
