@@ -153,8 +153,9 @@ WARNING_CODES: dict[str, str] = {
 class ProcessWarning:
     """A warning for the reader of a result.
 
-    ``code`` is a key of `WARNING_CODES`; ``stage`` the module that raised it; ``stamp_ns`` the
-    sensor time that it concerns, if any.
+    - ``code``: a key of `WARNING_CODES`
+    - ``stage``: the stage that gives it
+    - ``stamp_ns``: the sensor time that it concerns; None for all of it
     """
 
     code: str

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 Colour = tuple[int, int, int]
 
 LEAST_CONTRAST = 4.5
-"""Of a text on its background, as WCAG 2.1 asks for (level AA)."""
+"""Contrast of a text with its background, as WCAG 2.1 demands (level AA)."""
 LEAST_VISIBLE = 3.0
-"""The same of a point or a line."""
+"""Contrast of a point or a line with its background."""
 BACKGROUND: Colour = (8, 8, 10)
 """Of the viewer's spatial views and plots."""
 PAPER: Colour = (255, 255, 255)

@@ -30,14 +30,14 @@ def complain(words: object, *, kind: str = "tablemap") -> None:
 
 
 def stdout_console() -> Console:
-    """Return a console for people, without colour where stdout is no terminal, nor markup."""
+    """Return a console for people, without markup; without colour if stdout is no terminal."""
     from rich.console import Console
 
     return Console(highlight=False, markup=False, emoji=False)
 
 
 def stderr_console() -> Console:
-    """Return a console for people, without colour where stderr is no terminal, nor markup."""
+    """Return a console for people, without markup; without colour if stderr is no terminal."""
     from rich.console import Console
 
     return Console(stderr=True, highlight=False, markup=False, emoji=False)

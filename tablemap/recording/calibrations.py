@@ -28,8 +28,10 @@ LONE_MESSAGES, LONE_SHARE = 2, 5
 class Calibrations:
     """The different calibrations; each is valid from its stamp until that of the next one.
 
-    ``topic`` is where they were published, ``depth`` the topic of the images that they are for.
-    ``known`` keeps what was asked before.
+    - ``topic``: where they were published
+    - ``depth``: topic of the images that they are for
+    - ``infos``: in time order
+    - ``known``: rectifications by calibration and image size, each made once
     """
 
     topic: str

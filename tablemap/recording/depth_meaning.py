@@ -52,8 +52,9 @@ _EXPLAINED = 0.25  # of what contradicts may be left by a wrong focal length
 class DepthMeaning:
     """How depth as decoded becomes metres along the optical axis.
 
-    ``factor`` multiplies it; ``along`` says what it is measured along; ``axes`` which axes the
-    camera's frame has.
+    - ``factor``: metres, as decoded, are multiplied by it
+    - ``along``: whether depth is measured along the optical axis or along each ray
+    - ``axes``: the axes of the camera's frame
     """
 
     factor: float = 1.0

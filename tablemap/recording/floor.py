@@ -28,7 +28,7 @@ _FEWEST = 100
 HEIGHT_SIGMA = 0.012
 """Metres that the floor may lie off: the camera's height in TF and the depth's scale together."""
 TILT_SIGMA = np.radians(0.4)
-_HELD_HEIGHT_SIGMA = 0.03  # the same of a camera that is held by hand
+_HELD_HEIGHT_SIGMA = 0.03  # metres, for a camera that is held by hand
 _HELD_TILT_SIGMA = np.radians(1.0)
 _HELD_ROLL = np.radians(2.0)
 
@@ -61,9 +61,11 @@ class Ratio:
 class Slope:
     """Where the floor lies, relative to z = 0 of the base, below the camera.
 
-    ``height``: metres. ``tilt``: radians by which it rises ahead of the camera. ``doubt``: chi
-    squared of both, of 2 degrees of freedom. ``camera_height``: metres; ``pitch``: radians by which
-    the camera looks down.
+    - ``height``: metres
+    - ``tilt``: radians by which it rises ahead of the camera
+    - ``doubt``: chi squared of both, of 2 degrees of freedom
+    - ``camera_height``: metres
+    - ``pitch``: radians by which the camera looks down
     """
 
     height: float

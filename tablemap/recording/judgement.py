@@ -185,7 +185,7 @@ def _settled(
     first, second = doubts[order[0]], doubts[order[1]]
     if first < AGREED and second > DOUBTED:
         name, taken = choices[order[0]]
-        message = f"{said} {name} was taken, for the floor agrees with it alone."
+        message = f"{said} {name} was taken, as the floor agrees with it alone."
         return taken, [ProcessWarning("recording.calibration", "recording", message)]
     message = (
         f"{said} {used.topic} was taken, and the floor does not tell which is right; "

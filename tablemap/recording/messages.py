@@ -68,10 +68,12 @@ class CompressedImage:
 
 @dataclass(frozen=True, eq=False)
 class CameraInfo:
-    """A camera calibration: K (3, 3), D (n,), R (3, 3), P (3, 4), all float64.
+    """A camera calibration.
 
-    It belongs to ``width`` x ``height`` pixels. The image shows their window ``roi`` (left, top,
-    width, height; None: all). One of its pixels is made from ``binning`` (across, down) pixels.
+    - ``width``, ``height``: pixels to which it belongs
+    - ``d``, ``k``, ``r``, ``p``: (n,), (3, 3), (3, 3), (3, 4), as ROS names them
+    - ``binning``: how many pixels, across and down, make one pixel of the image
+    - ``roi``: left, top, width, height of the window that the image shows; None: all
     """
 
     stamp_ns: int

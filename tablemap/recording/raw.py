@@ -37,8 +37,11 @@ class RawMessage(NamedTuple):
 class Source(Protocol):
     """An opened recording: its channels, and their messages in log time order.
 
-    ``counts`` are the numbers of messages by channel; ``start_ns`` and ``end_ns`` are the log times
-    of the first and the last message. Losses become warnings for the caller that opened the source.
+    Losses become warnings for the caller that opened the source.
+
+    - ``channels``: by their numbers
+    - ``counts``: number of messages of each channel
+    - ``start_ns``, ``end_ns``: log times of the first and the last message
     """
 
     profile: str

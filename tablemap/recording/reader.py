@@ -187,7 +187,7 @@ class Recording(RobotPoses):
         if unplaced:
             self._say_once(
                 "recording.no_pose",
-                f"{unplaced} of {len(due.stamps_ns)} depth images were left out, for the camera "
+                f"{unplaced} of {len(due.stamps_ns)} depth images were left out, as the camera "
                 "has no pose at their stamps.",
             )
 

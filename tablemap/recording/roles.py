@@ -36,9 +36,11 @@ _NO_POSE = {
 class Roles:
     """The topics by role; None for a role without a topic.
 
-    ``lasers`` are all that could be it, best first; ``laser`` is the one that is used. ``poses``
-    tell where something is, beside TF. ``calibrations`` are others of the same images.
-    ``body_frame`` is the images' frame where it has a body's axes, else empty.
+    - ``laser``: the one that is used
+    - ``lasers``: all that could be it, best first
+    - ``poses``: topics beside TF that say where something is
+    - ``calibrations``: other calibrations of the same images
+    - ``body_frame``: the images' frame if it has the axes of a body, else empty
     """
 
     depth: Topic | None

@@ -36,10 +36,13 @@ Pairs = tuple[Ints, Ints, Floats]
 
 @dataclass(frozen=True, eq=False)
 class Sensor:
-    """A sensor whose clock is looked at.
+    """A sensor whose clock is compared with that of TF.
 
-    ``what`` it is called, ``frame`` its frame in TF, ``setting`` the one for its offset,
-    ``changes`` decodes messages and compares them in pairs.
+    - ``what``: its name in messages for people
+    - ``frame``: its frame in TF
+    - ``setting``: name of the setting for its offset
+    - ``stamped``: the stamps of its messages
+    - ``changes``: decodes messages and compares them in pairs
     """
 
     what: str

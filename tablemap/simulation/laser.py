@@ -39,10 +39,10 @@ _SPOT = 0.06  # echoes closer together than this in range (metres) are one
 class LaserErrors:
     """The laser's errors that the seed drew: range r reads as scale r + bias + slope min(r, 3 m).
 
-    The true scanner is the published one, shifted by ``x``, ``y`` and turned by ``yaw``. Black
-    surfaces read further than white ones by ``dark`` metres. ``bend`` (3, 2), metres, are the
-    factors of cosine and sine of a beam's angle, of its double and of its triple; their sum is
-    added to the range.
+    - ``x``, ``y``, ``yaw``: the true scanner's pose relative to the published one
+    - ``dark``: metres by which black surfaces read further than white ones
+    - ``bend``: (3, 2), metres, factors of cosine and sine of a beam's angle, of its double and of
+      its triple; their sum is added to the range
     """
 
     scale: float

@@ -74,10 +74,12 @@ class Table(ScenarioSection):
 
 
 class Clutter(ScenarioSection):
-    """What stands on the top; ``overhang``, ``flush`` and ``rim`` are how many do so.
+    """Things on the top.
 
-    Things at the rim stand a centimetre or so inside of it. Then more are added until ``cover`` of
-    the top's area lies under things.
+    - ``count``: things anywhere on it
+    - ``overhang``, ``flush``: things that reach over the edge, or end at it
+    - ``rim``: things that stand about a centimetre inside the rim
+    - ``cover``: share of the area that lies under things; things are added until it does
     """
 
     count: int = Field(default=0, ge=0)
@@ -138,9 +140,9 @@ class Robot(ScenarioSection):
 class CameraSection(ScenarioSection):
     """The depth camera, by its principle, and its errors.
 
-    ``noise`` multiplies what varies from pixel to pixel. ``flying``, ``multipath`` and ``lit_deg``
-    are for time of flight, ``fattening_px`` and ``holes`` for stereo; each is what such cameras
-    do, and 0 switches it off.
+    - ``noise``: factor on all errors that vary from pixel to pixel
+    - ``flying``, ``multipath``, ``lit_deg``: errors of time of flight; 0 switches each off
+    - ``fattening_px``, ``holes``: errors of stereo; 0 switches each off
     """
 
     principle: Literal["structured_light", "time_of_flight", "stereo"] = "structured_light"

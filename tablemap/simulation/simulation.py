@@ -28,8 +28,8 @@ _NEVER = np.inf
 class Simulation:
     """A world, a drive and a robot's errors; images and scans are made when it is written.
 
-    ``image_seconds`` and ``scan_seconds`` are the stamps, from the start of the first stop on;
-    ``moved_second`` is when furniture is moved (inf: never).
+    - ``image_seconds``, ``scan_seconds``: stamps, from the start of the first stop on
+    - ``moved_second``: when furniture is moved; inf: never
     """
 
     scenario: Scenario

@@ -23,8 +23,11 @@ PARSE_ERRORS = (McapError, struct.error, ValueError, DamageError)
 class Span:
     """Bytes of the file with messages: a chunk record, or a run of bare messages.
 
-    Times are log times. ``channels`` is None if it may contain any channel. ``unpacked`` is about
-    the number of bytes of its records in memory. If it is not ``whole``, the file ends within it.
+    - ``offset``, ``length``: its place in the file, bytes
+    - ``start_ns``, ``end_ns``: log times of its first and its last message
+    - ``channels``: those of its messages; None if it may contain any
+    - ``unpacked``: about the number of bytes of its records in memory
+    - ``whole``: False if the file ends within it
     """
 
     offset: int
