@@ -99,7 +99,7 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
         adjusted = flatten(calibration, rough.top(), config=config.calibration)
         record(adjusted)
         segmentation = segment_again(
-            adjusted.snapshots, rough, config=config.segmentation, sensors=sensors
+            adjusted.snapshots, rough, config=config.segmentation, sensors=sensors, record=record
         )
         record(segmentation)
         return adjusted, segmentation

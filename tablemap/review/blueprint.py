@@ -172,6 +172,9 @@ def _views(scene: DrawnScene) -> rrb.Container:
         ],
         name="Flatness",
     )
+    labels = [_flat("/segmentation/labels", "Labels", contents=["/segmentation/labels"])]
+    if not scene.has_labels:
+        labels = []
     last: list[Contents] = [_text("/calibration/summary", "Calibration")]
     if scene.flatness:
         last.append(with_legend(flatness, "flatness", height=200))
@@ -187,7 +190,7 @@ def _views(scene: DrawnScene) -> rrb.Container:
             _text("/segmentation/summary", "Tables and views"),
             row_shares=[1.6, 1.0],
         ),
-        _flat("/segmentation/labels", "Labels", contents=["/segmentation/labels"]),
+        *labels,
         with_legend(_image(scene, "depth"), "image", height=200),
         rrb.Tabs(*last),
     )

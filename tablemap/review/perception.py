@@ -17,10 +17,11 @@ from tablemap.stages.segmentation import (
     Label,
     Segmentation,
     TableCandidate,
+    TableRefused,
     TablesFound,
     ViewSegmentation,
 )
-from tablemap.stages.snapshots import Snapshot
+from tablemap.stages.snapshots import Snapshot, Snapshots
 
 SHOWN_WIDTH = 640
 CLOUD_WIDTH = 110
@@ -37,6 +38,11 @@ class Perception:
 
     def __init__(self) -> None:
         self._snapshots: tuple[Snapshot, ...] = ()
+        self._found: tuple[TableCandidate, ...] = ()
+
+    def take_snapshots(self, taken: Snapshots) -> None:
+        """Take the snapshots as recorded, until they are corrected."""
+        self._snapshots = taken.snapshots
 
     def log_calibration(self, stream: Stream, calibration: Calibration) -> None:
         """Log the corrections of the camera by the floor."""
@@ -58,12 +64,50 @@ class Perception:
         """Log labels in colours, as images and as points, and the candidate tables."""
         scene = stream.scene
         scene.height = scene.floor_z + segmentation.height
+        self._log_context(stream)
+        self._log_views(stream, segmentation.views)
+        self._log_candidates(stream, segmentation)
+        self._snapshots = ()
+
+    def log_refused(self, stream: Stream, refused: TableRefused) -> None:
+        """Log labels, points and reasons of a surface that gave no table."""
+        self._log_context(stream)
+        self._log_views(stream, refused.views)
+        stream.hold()
+        stream.text("segmentation/summary", text.refused(refused, self._found))
+        self._snapshots = ()
+
+    def log_as_far_as_it_came(self, stream: Stream) -> None:
+        """Log the points of snapshots that nobody labelled, for a run that ended before that."""
+        for snapshot in self._snapshots:
+            stream.at(snapshot.stamp_ns, snapshot=snapshot.index)
+            points = snapshot.points_in_base()
+            points[..., 2] += stream.scene.floor_z
+            step = max(1, points.shape[1] // CLOUD_WIDTH)
+            few = points[::step, ::step].reshape(-1, 3)
+            seen = transform(snapshot.map_from_base.lifted(), few[np.isfinite(few).all(axis=1)])
+            stream.log(
+                "segmentation/points",
+                rr.Points3D(
+                    seen.astype(np.float32),
+                    colors=[palette.LEFT_OUT.on_dark],
+                    radii=rr.Radius.ui_points(2.0),
+                ),
+            )
+        self._snapshots = ()
+        stream.hold()
+
+    def _log_context(self, stream: Stream) -> None:
+        stream.scene.has_labels = True
         context = rr.AnnotationContext(
             [(int(label), name, colour) for label, (name, colour) in colours.LABELS.items()]
         )
         stream.rec.log("segmentation", context, static=True)
+
+    def _log_views(self, stream: Stream, views: tuple[ViewSegmentation, ...]) -> None:
+        scene = stream.scene
         by_index = {snapshot.index: snapshot for snapshot in self._snapshots}
-        for view in segmentation.views:
+        for view in views:
             snapshot = by_index.get(view.index)
             if snapshot is None:
                 continue
@@ -91,8 +135,6 @@ class Perception:
                     radii=rr.Radius.ui_points(2.0),
                 ),
             )
-        self._log_candidates(stream, segmentation)
-        self._snapshots = ()
 
     def _keep(self, stream: Stream, view: ViewSegmentation, points: Floats) -> None:
         """Keep points for the registration's drawing: the top's rim, some inside, the clutter."""
@@ -107,6 +149,7 @@ class Perception:
 
     def log_tables_found(self, stream: Stream, found: TablesFound) -> None:
         """Log the candidate tables before the choice, so that they are there if it fails."""
+        self._found = found.candidates
         stream.hold()
         stream.text("segmentation/summary", text.candidates(found.candidates))
         hulls = [one.hull for one in found.candidates[:MOST_IN_SIGHT] if len(one.hull)]
@@ -116,7 +159,11 @@ class Perception:
             stream.scene.centre = (float(middle[0]), float(middle[1]))
             stream.scene.extent = float(np.linalg.norm(all_of_them - middle, axis=1).max())
         _log_hulls(
-            stream, "candidates/others", found.candidates, palette.OTHER_SURFACE, show_labels=True
+            stream,
+            "candidates/others",
+            dict(enumerate(found.candidates)),
+            palette.OTHER_SURFACE,
+            show_labels=True,
         )
 
     def _log_candidates(self, stream: Stream, segmentation: Segmentation) -> None:
@@ -128,8 +175,9 @@ class Perception:
                 if len(one.hull):
                     reach = np.linalg.norm(one.hull - one.hull.mean(axis=0), axis=1)
                     stream.scene.extent = float(max(reach.max(), 0.3))
-        chosen = tuple(one for one in segmentation.candidates if one.chosen)
-        others = tuple(one for one in segmentation.candidates if not one.chosen)
+        numbered = dict(enumerate(segmentation.candidates))
+        chosen = {k: one for k, one in numbered.items() if one.chosen}
+        others = {k: one for k, one in numbered.items() if not one.chosen}
         _log_hulls(stream, "candidates/chosen", chosen, palette.MODEL, show_labels=True)
         _log_hulls(stream, "candidates/others", others, palette.OTHER_SURFACE, show_labels=False)
 
@@ -137,18 +185,23 @@ class Perception:
 def _log_hulls(
     stream: Stream,
     name: str,
-    candidates: tuple[TableCandidate, ...],
+    candidates: dict[int, TableCandidate],
     tint: palette.Ink,
     *,
     show_labels: bool,
 ) -> None:
-    """Draw the candidates' hulls in place of earlier ones; without candidates draw nothing."""
-    strips = [closed(one.hull, stream.scene.floor_z + one.height) for one in candidates]
+    """Draw the candidates' hulls, by their numbers, in place of earlier ones.
+
+    Many have only their numbers as names: the table beside the view says the rest.
+    """
+    floor = stream.scene.floor_z
+    strips = [closed(one.hull, floor + one.height) for one in candidates.values()]
     labels = [
-        f"{one.height:.2f} m high"
-        + (f": {one.reason or 'a table'}" if len(candidates) <= FEW_CANDIDATES else "")
-        for one in candidates
+        f"{number}: {one.height:.2f} m high"
+        + (f", {one.reason or 'a table'}" if len(candidates) <= FEW_CANDIDATES else "")
+        for number, one in candidates.items()
     ]
+    short = labels if len(labels) <= FEW_CANDIDATES else [str(number) for number in candidates]
     stream.log(
         f"segmentation/{name}",
         rr.LineStrips3D(
@@ -159,7 +212,7 @@ def _log_hulls(
             show_labels=False,
         ),
     )
-    stream.names(f"segmentation/{name}/names", middles(strips), labels, shown=show_labels)
+    stream.names(f"segmentation/{name}/names", middles(strips), short, shown=show_labels)
 
 
 def _residual_image(metres: Floats) -> NDArray[np.uint8]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tablemap import palette
 from tablemap.geometry import Floats, Pose2, invert, transform
 from tablemap.model import TableLeg, TableModel
-from tablemap.review import colours
+from tablemap.review import colours, digits
 from tablemap.review.clouds import closed, raised
 from tablemap.review.sensors import IMAGE_PLANE, log_images
 from tablemap.review.solid import DRAWN_THICKNESS
@@ -24,6 +24,7 @@ from tablemap.stages.snapshots import Snapshot
 
 SPACING = 0.01  # metres between the points of a line, so that the image can cut it anywhere
 NEAREST = 0.05  # metres before the camera
+DIGIT_SHARE = 0.04  # of the image's height
 DASH_PX = 7.0
 PIXEL_CENTRE = 0.5  # the viewer counts from a pixel's corner
 LINE, POINT = 1.5, 1.7  # radii, pixels of the screen
@@ -99,6 +100,10 @@ class Projection:
             for number, one in enumerate(candidates):
                 line = closed(one.hull, stream.scene.floor_z + one.height)
                 pieces = in_image(snapshot, map_from_base, line, dashed=False) if len(line) else []
+                if pieces:
+                    high = DIGIT_SHARE * snapshot.camera.height
+                    corner = pieces[0].min(axis=0) - [0.0, 1.3 * high]
+                    pieces = [*pieces, *digits.number(number, corner, high)]
                 strips += pieces
                 labels += [f"{number}: {one.height:.2f} m"] * len(pieces)
             stream.log(

@@ -34,7 +34,7 @@ from tablemap.stages.legs import Legs
 from tablemap.stages.odometry import Odometry, OdometryMap, OdometryScan
 from tablemap.stages.outline import EdgeKind, Outline
 from tablemap.stages.registration import PairIteration, PairStarted, Registration, StopScan
-from tablemap.stages.segmentation import Segmentation, TablesFound
+from tablemap.stages.segmentation import Segmentation, TableRefused, TablesFound
 from tablemap.stages.snapshots import SetAside, Snapshots
 from tablemap.stages.surface import Surface
 
@@ -65,6 +65,7 @@ class Reviewer:
 
         def draw_snapshots(stream: Stream, taken: Snapshots) -> None:
             sensors.log_snapshots(stream, taken)
+            perception.take_snapshots(taken)
             telling.log_stops(stream, taken)
             log_localised_stops(stream)
 
@@ -110,6 +111,7 @@ class Reviewer:
             projection.log_model(stream, model)
 
         def draw_failure(stream: Stream, failed: RunFailed) -> None:
+            perception.log_as_far_as_it_came(stream)
             alignment.log_as_far_as_it_came(stream)
             progress.log_failure(stream, failed)
 
@@ -124,6 +126,7 @@ class Reviewer:
             Calibration: draw_calibration,
             TablesFound: draw_tables_found,
             Segmentation: draw_segmentation,
+            TableRefused: perception.log_refused,
             OdometryScan: motion.log_scan,
             OdometryMap: motion.log_map,
             Odometry: motion.log_odometry,

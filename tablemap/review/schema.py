@@ -43,7 +43,7 @@ ENTITIES = {
     "/segmentation": "AnnotationContext of the labels",
     "/segmentation/summary": "TextDocument: candidate tables and the views' verdicts",
     "/segmentation/labels": "SegmentationImage, one a snapshot",
-    "/segmentation/points": "Points3D with class ids, thinned, as localised",
+    "/segmentation/points": "Points3D with class ids, thinned, as localised; grey: not labelled",
     "/segmentation/candidates/*": "LineStrips3D: hulls of the chosen table and of the others",
     "/odometry/summary": "TextDocument",
     "/odometry/scan": "Points3D: scans where odometry put them, thinned in time",

@@ -53,6 +53,7 @@ class DrawnScene:
     - ``colour_fits``: whether colour images match the depth images pixel by pixel
     - ``is_modelled``: whether the chosen table's model is there
     - ``has_laser``: whether odometry drew scans
+    - ``has_labels``: whether views were labelled
     - ``flatness``: ``floor`` and ``top``, where heights over the image were drawn
     - ``told``: the current stage's text on its result
     """
@@ -74,6 +75,7 @@ class DrawnScene:
     shape: str = ""
     is_modelled: bool = False
     has_laser: bool = False
+    has_labels: bool = False
     flatness: set[str] = field(default_factory=set)
     has_colour: bool = False
     colour_fits: bool = True
@@ -236,10 +238,15 @@ class Stream:
 
     def text(self, path: str, markdown: str) -> None:
         """Log a page of markdown; one about a stage's result is kept for the stage's summary."""
-        told = not self._below and path != "summary"
-        if told and not path.startswith(("timing/", "registration/pairs/")):
+        if not self._below and path != "summary" and self._is_of_the_stage(path):
             self.scene.told = markdown
         self.log_flat(path, rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN))
+
+    def _is_of_the_stage(self, path: str) -> bool:
+        """Tell whether a page is about the running stage, and not about an earlier one again."""
+        room, _, page = path.partition("/")
+        running = [name for name, seconds in self.scene.stages if seconds is None]
+        return not running or (room, page) == (running[-1], "summary") or page == running[-1]
 
     def transform(self, path: str, parent: str, child: str, pose: Floats) -> None:
         """Log the (4, 4) pose ``parent_from_child`` as a named relation."""

@@ -64,7 +64,7 @@ class Telling:
                 radii=rr.Radius.ui_points(2.0),
             ),
         )
-        heights = [f"{one.height:.2f} m high" for one in found]
+        heights = [f"{k}: {one.height:.2f} m high" for k, one in enumerate(found)]
         shown = len(found) <= MOST_NAMED
         stream.names("story/candidates/names", middles(strips), heights, shown=shown)
 

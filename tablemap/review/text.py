@@ -17,7 +17,7 @@ from tablemap.stages.legs import Legs
 from tablemap.stages.odometry import Odometry
 from tablemap.stages.outline import EdgeKind, Outline
 from tablemap.stages.registration import Pair, Registration, StopCheck
-from tablemap.stages.segmentation import Segmentation, TableCandidate
+from tablemap.stages.segmentation import Segmentation, TableCandidate, TableRefused
 from tablemap.stages.snapshots import Snapshots
 from tablemap.stages.surface import Surface
 
@@ -130,6 +130,28 @@ def segmentation(result: Segmentation) -> str:
                 for one in result.views[:MOST_ROWS]
                 if one.reason
             ],
+        ]
+    )
+
+
+def refused(result: TableRefused, found: tuple[TableCandidate, ...]) -> str:
+    """Return why a surface is no table, view by view, and the other candidates."""
+    one = result.candidate
+    numbers = [k for k, other in enumerate(found) if (other.x, other.y) == (one.x, one.y)]
+    name = f"Surface {numbers[0]}" if numbers else "The surface"
+    return "\n".join(
+        [
+            "## The surface gave no table",
+            f"{name} at {one.x:.2f}, {one.y:.2f}, {one.height:.2f} m high; the labels are those "
+            "of this surface.",
+            "",
+            *[
+                f"- view {view.index}: {view.reason or 'shows it, but not enough of it'} "
+                f"({view.top_pixels} pixels of it)"
+                for view in result.views[:MOST_ROWS]
+            ],
+            "",
+            candidates(found),
         ]
     )
 

@@ -19,9 +19,10 @@ from tablemap.recording.messages import CompressedImage, Image
 from tablemap.review import Reviewer
 from tablemap.review.images import colour_archetype, depth_archetype, encode_depth
 from tablemap.review.schema import ENTITIES, SCHEMA, TIMELINES
+from tablemap.stages.calibration import Calibration
 from tablemap.stages.outline import EdgeKind, Outline
 from tablemap.stages.registration import Registration
-from tablemap.stages.segmentation import Segmentation
+from tablemap.stages.segmentation import Segmentation, TableRefused
 from tablemap.stages.surface import Surface
 from tests.making import made_up_run as made_up
 from tests.making.reviews import columns, write
@@ -273,6 +274,26 @@ def test_a_failed_choice_shows_what_there_was_to_choose(run: list[object], tmp_p
     assert len(drawn) == STOPS
     assert "0: 0.74 m" in str(drawn)
     assert "1: 0.50 m" in str(drawn)
+
+
+def test_a_refused_surface_shows_its_labels_and_reasons(run: list[object], tmp_path: Path) -> None:
+    """Where the surface gave no table: labels, points and reasons, and no calibration again."""
+    until, seen = next((i, one) for i, one in enumerate(run) if isinstance(one, Segmentation))
+    calibration = next(one for one in run if isinstance(one, Calibration))
+    views = tuple(replace(one, sees_table=False, reason="its rim rises") for one in seen.views)
+    refused = TableRefused(seen.candidates[0], views)
+    failed = [*run[:until], calibration, refused, RunFailed("segmentation", "none shows it")]
+    path = write(tmp_path / "refused.rrd", failed)
+    found = rows(path)
+    assert found["/segmentation/labels"] == STOPS
+    assert len(columns(path, "/segmentation/points", "Points3D:class_ids")) == STOPS
+    summary = str(texts(path, "/summary")[-1])
+    assert f"- view {STOPS - 1}: its rim rises" in summary
+    assert "depth scale" not in summary
+    before = [*run[: run.index(calibration)], calibration, RunFailed("segmentation", "no surface")]
+    path = write(tmp_path / "unlabelled.rrd", before)
+    assert len(columns(path, "/segmentation/points", "Points3D:positions")) == STOPS
+    assert "/segmentation/labels" not in rows(path)
 
 
 def test_a_pair_moves_from_its_start_to_its_end(review: Path) -> None:

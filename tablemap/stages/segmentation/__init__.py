@@ -5,6 +5,7 @@ from tablemap.stages.segmentation.result import (
     Label,
     Segmentation,
     TableCandidate,
+    TableRefused,
     TablesFound,
     ViewSegmentation,
 )
@@ -20,6 +21,7 @@ __all__ = [
     "Label",
     "Segmentation",
     "TableCandidate",
+    "TableRefused",
     "TablesFound",
     "ViewSegmentation",
     "choose_next",

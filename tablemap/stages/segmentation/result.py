@@ -77,6 +77,14 @@ class TablesFound:
 
 
 @dataclass(frozen=True, eq=False)
+class TableRefused:
+    """Event: a surface gave no table; ``views`` are labelled as if its top were level."""
+
+    candidate: TableCandidate
+    views: tuple[ViewSegmentation, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Segmentation:
     """The chosen table, its joint ``height`` above the floor (metres), and every view's labels."""
 

@@ -13,7 +13,13 @@ from tablemap.events import Record, ignore
 from tablemap.stages.segmentation.candidates import STRIDE_PX, rank_tables
 from tablemap.stages.segmentation.height import Height, Plane, joint_height
 from tablemap.stages.segmentation.labelling import label_view
-from tablemap.stages.segmentation.result import Segmentation, TableCandidate, TablesFound
+from tablemap.stages.segmentation.result import (
+    Segmentation,
+    TableCandidate,
+    TableRefused,
+    TablesFound,
+    ViewSegmentation,
+)
 from tablemap.stages.segmentation.views import SampledView, look
 from tablemap.stages.snapshots import Snapshot
 
@@ -33,12 +39,17 @@ def segment(
     """Choose the table (nearest to ``near`` in the map, or the best seen) and label every view.
 
     All candidates go to ``record`` before one is chosen. A ``candidate`` of `find_tables`, if
-    given, is taken without a choice. Raises `EstimationError` if there is no table, none near the
-    place, or no view that sees it.
+    given, is taken without a choice. A surface that gave no table, and for which no other one is
+    taken, goes to ``record`` with the labelled views. Raises `EstimationError` if there is no
+    table, none near the place, or no view that sees it.
     """
     coarse = [look(s, stride=STRIDE_PX) for s in snapshots]
     if candidate is not None:
-        return _labelled(coarse, (candidate,), candidate, [], config, sensors)
+        try:
+            return _labelled(coarse, (candidate,), candidate, [], config, sensors)
+        except EstimationError:
+            record(TableRefused(candidate, _levelled(coarse, candidate, config)))
+            raise
     candidates = rank_tables(coarse, config)
     record(TablesFound(candidates))
     chosen, warnings = _choose(candidates, near, config)
@@ -46,6 +57,7 @@ def segment(
         return _labelled(coarse, candidates, chosen, warnings, config, sensors)
     except EstimationError as failure:
         if near is not None:
+            record(TableRefused(chosen, _levelled(coarse, chosen, config)))
             raise
         for other in candidates:
             if other is chosen:
@@ -55,6 +67,7 @@ def segment(
                 return _labelled(coarse, candidates, other, [second], config, sensors)
             except EstimationError:
                 continue
+        record(TableRefused(chosen, _levelled(coarse, chosen, config)))
         raise EstimationError(none_gave_a_table(failure, candidates)) from failure
 
 
@@ -104,6 +117,17 @@ def _second_choice(
         "taken"
     )
     return ProcessWarning("accuracy.second_choice", "segmentation", message)
+
+
+def _levelled(
+    coarse: list[SampledView], candidate: TableCandidate, config: SegmentationConfig
+) -> tuple[ViewSegmentation, ...]:
+    """Label every view as if the candidate were a level top."""
+    level = Plane(candidate.height, 0.0, 0.0)
+    return tuple(
+        label_view(look(view.snapshot, stride=1, coarser=view), level, candidate, config)
+        for view in coarse
+    )
 
 
 def _labelled(
@@ -160,13 +184,14 @@ def segment_again(
     *,
     config: SegmentationConfig,
     sensors: SensorsConfig,
+    record: Record = ignore,
 ) -> Segmentation:
     """Label every view again, with the same table, after the snapshots were corrected further.
 
     Raises `EstimationError` as `segment` does.
     """
     chosen = next(candidate for candidate in first.candidates if candidate.chosen)
-    again = segment(snapshots, config=config, sensors=sensors, candidate=chosen)
+    again = segment(snapshots, config=config, sensors=sensors, candidate=chosen, record=record)
     kept = [w for w in first.warnings if w.code in _OF_THE_CHOICE]
     return replace(again, candidates=first.candidates, warnings=(*kept, *again.warnings))
 

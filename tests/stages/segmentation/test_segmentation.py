@@ -14,7 +14,14 @@ from tablemap.errors import EstimationError
 from tablemap.geometry import Pose2
 from tablemap.recording import open_recording
 from tablemap.stages.calibration import calibrate
-from tablemap.stages.segmentation import Label, TablesFound, find_tables, segment
+from tablemap.stages.segmentation import (
+    Label,
+    TableRefused,
+    TablesFound,
+    find_tables,
+    segment,
+    stage,
+)
 from tablemap.stages.snapshots import Snapshot, take_snapshots
 from tests.making.casting import Box
 from tests.making.round_trips import mounting, round_trip, table
@@ -179,6 +186,22 @@ def test_a_place_without_a_table_names_the_candidates() -> None:
     (found,) = events
     assert isinstance(found, TablesFound)
     assert found.candidates[0].height == pytest.approx(0.74, abs=0.05)
+
+
+def test_a_surface_that_gives_no_table_is_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the views labelled as if it were level, whoever chose it."""
+    views = round_trip(TABLE, CENTRE, views=3)
+    best = find_tables(views, config=CONFIG)[0]
+    monkeypatch.setattr(stage, "joint_height", lambda *_: None)
+    for choice in ({}, {"near": (best.x, best.y)}, {"candidate": best}):
+        events: list[object] = []
+        with pytest.raises(EstimationError, match="shows enough of it"):
+            segment(views, config=CONFIG, sensors=SENSORS, record=events.append, **choice)
+        refused = events[-1]
+        assert isinstance(refused, TableRefused)
+        assert (refused.candidate.x, refused.candidate.y) == (best.x, best.y)
+        assert [view.index for view in refused.views] == [0, 1, 2]
+        assert all((view.labels == Label.TOP).sum() > 100 for view in refused.views)
 
 
 def test_no_table_at_all_is_an_error() -> None:
