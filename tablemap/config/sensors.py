@@ -38,6 +38,12 @@ class SensorsConfig(Section):
         description="metres; constant error of all ranges (sigma). Higher: the fits of stops and "
         "of legs may shift all ranges further",
     )
+    laser_range_bend_sigma: float = Field(
+        default=0.002,
+        ge=0,
+        description="metres; error of the ranges that changes slowly with the beam's angle "
+        "(sigma). Higher: the stops' scans may show a larger one; 0: there is none",
+    )
     laser_range_scale_sigma: float = Field(
         default=0.001,
         ge=0,

@@ -13,7 +13,7 @@ from tablemap.config import RegistrationConfig, SensorsConfig
 from tablemap.geometry import Bools, Floats, Pose2
 from tablemap.stages.outline import EdgeKind, Outline
 from tablemap.stages.registration.graph import GraphEdge, edge_errors
-from tablemap.stages.registration.polish import Polished, polish
+from tablemap.stages.registration.polish import Polished, RangePrior, polish
 from tablemap.stages.registration.result import StopScan
 from tablemap.stages.snapshots import Snapshot
 
@@ -100,7 +100,7 @@ def lay_edges(
             gates=gates,
             kernel=config.kernel,
             correlation=_CORRELATED_POINTS,
-            bias_sigma=sensors.calibrated_depth_scale_sigma_registration,
+            ranges=RangePrior(sensors.calibrated_depth_scale_sigma_registration),
             settled=_SETTLED,
         )
         poses = polished.poses

@@ -26,7 +26,7 @@ from tablemap.stages.registration.graph import (
 from tablemap.stages.registration.laser.check import check_stops, suspicious
 from tablemap.stages.registration.laser.joined import checked_by_depth, depth_pairs, open_stops
 from tablemap.stages.registration.pairs import Cloud, align_laser_pair, laser_clouds
-from tablemap.stages.registration.polish import polish
+from tablemap.stages.registration.polish import RangePrior, polish
 from tablemap.stages.registration.result import Pair, StopCheck, StopScan
 from tablemap.stages.registration.solution import (
     Solution,
@@ -170,7 +170,7 @@ def _attempt(
         gates=config.gates,
         kernel=config.kernel,
         correlation=_CORRELATED_BEAMS,
-        bias_sigma=sensors.laser_range_bias_sigma,
+        ranges=RangePrior(sensors.laser_range_bias_sigma, sensors.laser_range_bend_sigma),
     )
     checks = tuple(
         checked_by_depth(check, joined) if depth and stops[check.index] is None else check
