@@ -137,6 +137,7 @@ def surface_of(scene: Scene, map_from_base: dict[int, Pose2]) -> Surface:
         shape=scene.shape,
         pose=scene.table,
         covariance=np.eye(3) * 1e-6,
+        relative_covariance=np.eye(3) * 1e-6,
         height=FittedFigure(scene.height, 0.001),
         thickness=None,
         dimensions={},

@@ -48,27 +48,21 @@ def corrected(outline: Outline, cross: CrossCheck) -> Outline:
 def admitted_legs(
     legs: Legs, cross: CrossCheck, surface: Surface, registration: Registration
 ) -> Legs:
-    """Return the legs with the disagreement of camera and laser added to their sigmas.
+    """Return the legs with the uncertain place of the top added to their sigmas.
 
-    The camera saw the top, and the laser saw the legs. A camera turned in the base turns the top
-    against the legs; a shifted camera shifts the top, as far as the views' headings do not cancel.
-    If an offset was found and corrected, its covariance is added; otherwise the offset itself is
-    added.
+    The camera saw the top, and the laser saw the legs: the top's own place and heading against the
+    stops count for both. So does a disagreement of camera and laser that the surface was not
+    corrected for. A camera turned in the base turns the top against the legs; a shifted camera
+    shifts the top, as far as the views' headings do not cancel.
     """
-    if cross.offset is None or cross.covariance is None or cross.at_table is None:
-        return legs
-    if cross.is_found:
-        turn = float(np.sqrt(cross.covariance[2, 2]))
-        shift = np.asarray(cross.at_table_sigma, dtype=np.float64)
-    else:
-        turn, shift = float(cross.offset[2]), cross.at_table
-    headings = [
-        pose.rotation
-        for pose, used in zip(registration.map_from_base, registration.used, strict=True)
-        if used
-    ]
-    left_over = np.mean(headings, axis=0) @ shift
-    stretch = _stretch(cross)
+    top = surface.relative_covariance
+    place, turn = 0.5 * float(np.trace(top[:2, :2])), float(top[2, 2])
+    stretch = 0.0
+    if cross.mounting is None and cross.offset is not None and cross.covariance is not None:
+        left_over, turned = _left_over(cross, cross.offset, cross.covariance, registration)
+        place += 0.5 * float(left_over @ left_over)
+        turn += turned**2
+        stretch = _stretch(cross)
     middle = surface.pose.translation
     widened = []
     for leg in legs.legs:
@@ -76,11 +70,29 @@ def admitted_legs(
             widened.append(leg)
             continue
         away = float(np.hypot(leg.x - middle[0], leg.y - middle[1]))
-        variance = 0.5 * float((turn * away) ** 2 + left_over @ left_over)
-        variance += (stretch * leg.scale_sigma) ** 2
+        variance = place + 0.5 * turn * away**2 + (stretch * leg.scale_sigma) ** 2
         sigma = float(np.hypot(leg.position_sigma, np.sqrt(variance)))
         widened.append(replace(leg, position_sigma=sigma))
     return replace(legs, legs=tuple(widened))
+
+
+def _left_over(
+    cross: CrossCheck, offset: Floats, covariance: Floats, registration: Registration
+) -> tuple[Floats, float]:
+    """Return how far a disagreement shifts the top (2,) in the map, metres, and turns it.
+
+    What was found and corrected leaves its standard deviations, and what was not leaves itself.
+    """
+    at_table, turn = cross.at_table, float(offset[2])
+    if cross.is_found:
+        at_table, turn = cross.at_table_sigma, float(np.sqrt(covariance[2, 2]))
+    headings = [
+        pose.rotation
+        for pose, used in zip(registration.map_from_base, registration.used, strict=True)
+        if used
+    ]
+    shift = np.zeros(2) if at_table is None else at_table
+    return np.asarray(np.mean(headings, axis=0) @ shift, dtype=np.float64), turn
 
 
 def _stretch(cross: CrossCheck) -> float:

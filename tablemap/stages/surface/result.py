@@ -61,6 +61,7 @@ class Surface:
     """The chosen top; shape, pose, dimensions and outline follow the conventions of table.json.
 
     covariance: (3, 3), of the pose x, y, yaw in the map
+    relative_covariance: (3, 3), of the same against the poses of the snapshots
     map_from_base: poses of the snapshots with the fit's nuisances applied, by snapshot index
     points: (n, 2), metres in the map, the edge points that the fit used
     residuals: (n,), metres, of these points
@@ -71,6 +72,7 @@ class Surface:
     shape: str
     pose: Pose2
     covariance: Floats
+    relative_covariance: Floats
     height: FittedFigure
     thickness: FittedFigure | None
     dimensions: dict[str, FittedFigure]

@@ -59,10 +59,12 @@ def fit_surface(
     ]
     figures, radius = _budgeted(chosen, standing, scores, evidence, config)
     edges = _edges(chosen, evidence, config)
+    relative = _pose_covariance(chosen)
     return Surface(
         shape=chosen.name,
         pose=primitives[0].pose,
-        covariance=_pose_covariance(chosen, evidence, registration),
+        covariance=_in_map(relative, chosen, evidence, registration),
+        relative_covariance=relative,
         height=_height(outline, chosen),
         thickness=(
             None
@@ -237,14 +239,18 @@ def _derivative(shape: Shape) -> Floats:
     return result
 
 
-def _pose_covariance(
-    candidate: Candidate, evidence: Evidence, registration: Registration
+def _pose_covariance(candidate: Candidate) -> Floats:
+    """Return the covariance (3, 3) of the top's pose against the stops."""
+    jacobian = _derivative(candidate.fit.shape)[:3]
+    covariance: Floats = jacobian @ candidate.spread.covariance @ jacobian.T
+    return (covariance + covariance.T) / 2
+
+
+def _in_map(
+    relative: Floats, candidate: Candidate, evidence: Evidence, registration: Registration
 ) -> Floats:
-    """Add the covariance of the top relative to the stops and that of the stops in the map."""
-    fit = candidate.fit
-    jacobian = _derivative(fit.shape)[:3]
-    relative = jacobian @ candidate.spread.covariance @ jacobian.T
-    centre = fit.shape.describe()[0][:2]
+    """Add the covariance of the stops in the map."""
+    centre = candidate.fit.shape.describe()[0][:2]
     lever = centre - evidence.poses[:, :2].mean(axis=0)
     carry = np.eye(3)
     carry[:2, 2] = [-lever[1], lever[0]]

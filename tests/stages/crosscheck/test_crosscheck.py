@@ -185,7 +185,7 @@ def test_a_mended_outline_shows_no_offset() -> None:
 
 
 def test_legs_admit_what_was_found_of_the_camera() -> None:
-    """A camera that may be turned by a degree leaves a leg 0.7 m out by millimetres."""
+    """A camera that may be turned leaves a leg 0.7 m out by millimetres, and so does the top."""
     table = box_table(1.2, 0.8, Pose2())
     outline, registration = observe(table, LAP, np.random.default_rng(0))
     surface = fit_surface(outline, registration, config=SurfaceConfig(), sensors=SENSORS, seed=0)
@@ -196,7 +196,11 @@ def test_legs_admit_what_was_found_of_the_camera() -> None:
     offset = np.array([0.0, 0.0, np.radians(0.3)])
     cross = CrossCheck(offset, np.eye(3) * 1e-6, np.zeros(2), np.full(2, 0.001), 0.0, 9, 8, ())
     wide, same = admitted_legs(legs, cross, surface, registration).legs
-    expected = np.radians(0.3) * np.hypot(0.6, 0.3) / np.sqrt(2)
-    assert wide.position_sigma == pytest.approx(np.hypot(0.0005, expected), rel=0.1)
+    turned = np.radians(0.3) * np.hypot(0.6, 0.3) / np.sqrt(2)
+    top = surface.relative_covariance
+    placed = np.sqrt(0.5 * (np.trace(top[:2, :2]) + top[2, 2] * (0.6**2 + 0.3**2)))
+    assert 0.0003 < placed < 0.003
+    expected = np.sqrt(0.0005**2 + turned**2 + placed**2)
+    assert wide.position_sigma == pytest.approx(expected, rel=0.02)
     # The camera saw both the top and this one.
     assert same.position_sigma == 0.0005
