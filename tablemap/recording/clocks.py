@@ -56,7 +56,7 @@ class Lags:
 
 
 @dataclass(frozen=True)
-class Difference:
+class ClockDifference:
     """By how much a sensor's clock seems to be behind that of TF, and whether it is steady.
 
     ``lag``: seconds from the sensor's stamps to their log times, negative where they are ahead.
@@ -78,13 +78,13 @@ class Difference:
         return self.seconds > NAMED_LATE_S or is_early
 
 
-def difference(sensor_lags: Floats, tf_lags: Floats) -> Difference | None:
+def difference(sensor_lags: Floats, tf_lags: Floats) -> ClockDifference | None:
     """Compare the lags of a sensor's messages (n,) with those of TF (m,), seconds."""
     if not len(sensor_lags) or not len(tf_lags):
         return None
     low, middle, high = np.quantile(sensor_lags, [0.1, 0.5, 0.9])
     steady = bool(high - low < _STEADY_S)
-    return Difference(float(middle - np.median(tf_lags)), float(middle), steady)
+    return ClockDifference(float(middle - np.median(tf_lags)), float(middle), steady)
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,7 +34,14 @@ from tablemap.recording.rectification import Rectification
 from tablemap.recording.robot_poses import RobotPoses
 from tablemap.recording.robots import placed
 from tablemap.recording.roles import Roles, find_roles, implied_transforms, missing_roles
-from tablemap.recording.sensor_clocks import Pairs, Sensor, compared, run_of, settled, span_apart
+from tablemap.recording.sensor_clocks import (
+    ClockedSensor,
+    Pairs,
+    compared,
+    run_of,
+    settled,
+    span_apart,
+)
 from tablemap.recording.silence import is_silent, sweep_that_can_be
 from tablemap.recording.sources import open_source
 from tablemap.recording.tf.frame_roles import FrameNames, pose_stamps
@@ -285,7 +292,9 @@ class Recording(RobotPoses):
         """Move the stamps of sensors whose clock is off; raise if no image has a pose then."""
         depth, laser = self.roles.depth, self.roles.laser
         assert depth is not None
-        camera = Sensor("camera", self.names.camera, "clock_offset", self._depth, self._depth_pairs)
+        camera = ClockedSensor(
+            "camera", self.names.camera, "clock_offset", self._depth, self._depth_pairs
+        )
         offset_ns = self._offset_ns(camera, config.clock_offset)
         if offset_ns:
             for topic in (depth, self.roles.colour):
@@ -296,7 +305,7 @@ class Recording(RobotPoses):
             )
             self._calibrations = self._calibrations.shifted(offset_ns)
         if laser is not None and self.names.laser is not None:
-            scanner = Sensor(
+            scanner = ClockedSensor(
                 "laser", self.names.laser, "laser_clock_offset", self._laser, self._scan_pairs
             )
             offset_ns = self._offset_ns(scanner, config.laser_clock_offset)
@@ -309,7 +318,7 @@ class Recording(RobotPoses):
             named = [each.message for each in self.warnings if each.code == "accuracy.clock"]
             raise RecordingError(" ".join([span_apart(stamps, poses, "clock_offset"), *named]))
 
-    def _offset_ns(self, sensor: Sensor, given_s: float) -> int:
+    def _offset_ns(self, sensor: ClockedSensor, given_s: float) -> int:
         if given_s:
             return round(given_s * 1e9)
         found = settled(sensor, self, self._channels.collector)

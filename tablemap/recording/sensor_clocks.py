@@ -13,7 +13,7 @@ from tablemap.recording.channels import Stamped
 from tablemap.recording.clocks import (
     SECOND_NS,
     SUSPECT_S,
-    Difference,
+    ClockDifference,
     Way,
     difference,
     offset_by_change,
@@ -35,7 +35,7 @@ Pairs = tuple[Ints, Ints, Floats]
 
 
 @dataclass(frozen=True, eq=False)
-class Sensor:
+class ClockedSensor:
     """A sensor whose clock is compared with that of TF.
 
     - ``what``: its name in messages for people
@@ -60,7 +60,7 @@ class Settled:
     warning: ProcessWarning | None
 
 
-def settled(sensor: Sensor, robot: RobotPoses, collector: TransformCollector) -> Settled:
+def settled(sensor: ClockedSensor, robot: RobotPoses, collector: TransformCollector) -> Settled:
     """Return the offset of a sensor's clock where the motion shows it, or else a doubt."""
     found = difference(sensor.stamped.lags_s(), tf_lags(robot.tree, robot.names, collector))
     if found is None or not found.is_suspect:
@@ -118,7 +118,7 @@ def run_of(stamps_ns: Ints, most: int = _MOST_PAIRS) -> Ints:
     return kept
 
 
-def _shown(sensor: Sensor, way: Way, found: Difference) -> float | None:
+def _shown(sensor: ClockedSensor, way: Way, found: ClockDifference) -> float | None:
     """Return the offset that the motion shows, None where it shows none."""
     offset = offset_by_change(*sensor.changes(), way, about_s=found.seconds)
     if offset is not None:
@@ -157,7 +157,7 @@ def _apart(offset_s: float) -> str:
     return f"{abs(offset_s):.2f} s {'behind' if offset_s > 0 else 'ahead of'}"
 
 
-def _doubt(sensor: Sensor, found: Difference) -> str:
+def _doubt(sensor: ClockedSensor, found: ClockDifference) -> str:
     steady = "" if found.is_steady else ", and by no steady time,"
     return (
         f"The {sensor.what}'s clock seems to be {_apart(found.seconds)} that of TF{steady} by the "
