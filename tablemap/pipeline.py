@@ -236,7 +236,7 @@ def _model(
             )
             record(cross)
             if cross.mounting is not None:
-                surface = fit(outline, record, cross.mounting)
+                surface = fit(outline, record, cross.mounting, first=surface)
                 legs = stand(surface)
             elif cross.is_found:
                 outline = corrected(outline, cross)
@@ -260,7 +260,13 @@ def _model(
             )
         )
 
-    def fit(outline: Outline, record: Record, mounting: Mounting | None = None) -> Surface:
+    def fit(
+        outline: Outline,
+        record: Record,
+        mounting: Mounting | None = None,
+        *,
+        first: Surface | None = None,
+    ) -> Surface:
         surface = fit_surface(
             outline,
             registration,
@@ -268,6 +274,7 @@ def _model(
             sensors=sensors,
             seed=config.seed,
             mounting=mounting,
+            first=first,
         )
         record(surface)
         return surface

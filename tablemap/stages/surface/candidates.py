@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -104,6 +105,25 @@ def fit_candidates(
         )
     ]
     return _weighed([*fits.values(), polygonal], evidence, config, assumed)
+
+
+def refit_candidates(
+    evidence: Evidence, config: SurfaceConfig, states: Sequence[State]
+) -> list[Candidate]:
+    """Fit the primitives again from the states of an earlier fit to the same points.
+
+    For evidence whose priors alone have changed: each shape is near its best place already.
+    """
+    assumed = assumed_noise(evidence, config)
+    fits = [measure(state, evidence, config, noise=assumed) for state in states]
+    costs = [_cost(fit, evidence, config) for fit in fits]
+    near = min(costs, default=0.0) + _HOPELESS
+    gates = (config.loss_sigmas,)
+    fits = [
+        _settle(fit.state, evidence, config, gates, assumed) if cost <= near else fit
+        for fit, cost in zip(fits, costs, strict=True)
+    ]
+    return _weighed([[fit] for fit in fits], evidence, config, assumed)
 
 
 def _weighed(

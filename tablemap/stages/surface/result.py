@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats, Pose2
+from tablemap.stages.surface.residuals import State
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,7 @@ class Surface:
     residuals: (n,), metres, of these points
     beside: (n, 2), metres in the map, outline of another surface that touches the table at its
         height
+    states: of the fitted shapes, for a fit with other priors to start from
     """
 
     shape: str
@@ -87,3 +89,4 @@ class Surface:
     hull: Floats
     warnings: tuple[ProcessWarning, ...]
     beside: Floats | None = None
+    states: tuple[State, ...] = ()

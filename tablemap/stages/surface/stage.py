@@ -13,7 +13,12 @@ from tablemap.geometry import Floats, Pose2
 from tablemap.stages.outline import Outline
 from tablemap.stages.registration import Registration
 from tablemap.stages.surface.budget import budget_of
-from tablemap.stages.surface.candidates import Candidate, fit_candidates, hull_of
+from tablemap.stages.surface.candidates import (
+    Candidate,
+    fit_candidates,
+    hull_of,
+    refit_candidates,
+)
 from tablemap.stages.surface.choice import contradicting_cells, weights
 from tablemap.stages.surface.evidence import Evidence, gather
 from tablemap.stages.surface.inner import inner_edges
@@ -34,14 +39,19 @@ def fit_surface(
     sensors: SensorsConfig,
     seed: int,
     mounting: Mounting | None = None,
+    first: Surface | None = None,
 ) -> Surface:
     """Fit every primitive to the table edges of all views at once and choose among them.
 
-    ``mounting`` is what the table's legs say of the camera, once they are known. Raises
+    ``mounting`` is what the table's legs say of the camera, once they are known. If ``first`` is a
+    fit to the same outline without that, its shapes are where this one starts. Raises
     `EstimationError` if too little of the top was seen for any outline.
     """
     evidence, warnings = gather(outline, registration, config, sensors, mounting)
-    candidates = fit_candidates(evidence, config, np.random.default_rng(seed))
+    if first is not None and first.states:
+        candidates = refit_candidates(evidence, config, first.states)
+    else:
+        candidates = fit_candidates(evidence, config, np.random.default_rng(seed))
     if not candidates:
         raise EstimationError(
             f"expected an outline through {len(evidence.points)} points on the table's edge; no "
@@ -89,6 +99,7 @@ def fit_surface(
             *_doubts(chosen, primitives, edges, figures, evidence, config),
         ),
         beside=outline.beside,
+        states=tuple(c.fit.state for c in candidates if not c.is_hull),
     )
 
 

@@ -115,6 +115,34 @@ def test_legs_tell_how_much_stereo_widens_far_edges() -> None:
             assert unsure.value == alone.value
 
 
+@pytest.mark.parametrize("name", ["rectangle", "circle", "desk with a cut-out"])
+def test_a_fit_with_other_priors_may_start_from_the_first(name: str) -> None:
+    """It ends where a fit from scratch does, to a tenth of a sigma, and weighs the same shapes."""
+    outline, registration = observe(TABLES[name], Bench(), np.random.default_rng(5))
+    tight = np.diag([1.0, 1.0, 1.0]) / np.square([0.0005, 0.0005, np.radians(0.02)])
+    mounting = Mounting(tight, np.zeros(3), 1.0)
+    alone = fit_surface(outline, registration, config=SurfaceConfig(), sensors=SENSORS, seed=0)
+    scratch, again = (
+        fit_surface(
+            outline,
+            registration,
+            config=SurfaceConfig(),
+            sensors=SENSORS,
+            seed=0,
+            mounting=mounting,
+            first=first,
+        )
+        for first in (None, alone)
+    )
+    assert again.shape == scratch.shape == TABLES[name].shape
+    assert again.score == pytest.approx(scratch.score, abs=0.01)
+    assert np.abs(signed_distance(again.outline, scratch.outline)).max() < 0.0002
+    for key, figure in scratch.dimensions.items():
+        assert figure.sigma is not None
+        assert again.dimensions[key].value == pytest.approx(figure.value, abs=0.1 * figure.sigma)
+        assert again.dimensions[key].sigma == pytest.approx(figure.sigma, rel=0.02)
+
+
 def test_a_wrong_camera_height_is_admitted() -> None:
     """Depths half a percent off, as the floor leaves them open, stay within the stated sigmas."""
     table = TABLES["rectangle"]
