@@ -12,7 +12,7 @@ from tablemap import palette
 from tablemap.geometry import Pose2, transform
 from tablemap.review import colours, text
 from tablemap.review.clouds import raised
-from tablemap.review.motion import log_trajectory
+from tablemap.review.motion import log_correction, log_trajectory
 from tablemap.review.pairs import Pairs
 from tablemap.review.stream import FEW_STOPS, Stream
 from tablemap.stages.registration import Pair, Registration, StopScan
@@ -56,6 +56,7 @@ class Alignment:
         log_trajectory(
             stream, "trajectory/registered", registration.trajectory, palette.REGISTERED.on_dark
         )
+        log_correction(stream, registration.trajectory)
         for scan in registration.stop_scans:
             _log_stop_scan(stream, "after", scan, poses[scan.index])
         for index, top in scene.tops.items():

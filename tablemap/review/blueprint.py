@@ -197,7 +197,8 @@ def _views(scene: DrawnScene) -> rrb.Container:
 
 
 def _odometry(scene: DrawnScene) -> rrb.Container:
-    shown = ["/odometry/scan", "/odometry/local_map", "/trajectory/**", "- /trajectory/registered"]
+    shown = ["/odometry/scan", "/odometry/local_map"]
+    shown += [f"/trajectory/{one}" for one in ("localised", "odometry", "wheels")]
     return _beside(
         "Odometry",
         1.5,
@@ -226,7 +227,7 @@ def _registration(scene: DrawnScene) -> rrb.Container:
     ]
     all_pairs: Overrides = {"/registration/graph_in_map": rrb.EntityBehavior(visible=False)}
     before = ["/registration/before/**", "/registration/localised_stops/**"]
-    paths = ["/trajectory/**", stops, "/registration/graph_before"]
+    paths = ["/trajectory/**", "- /trajectory/registered", stops, "/registration/graph_before"]
     return rrb.Vertical(
         rrb.Horizontal(
             round_table(scene, "As localised", before, steepness=4.0),
@@ -252,7 +253,12 @@ def _registration(scene: DrawnScene) -> rrb.Container:
             rrb.Tabs(
                 rrb.GraphView(origin="/registration/graph", name="Pose graph"),
                 _plot("/registration/correction_mm", "Correction (mm)"),
-                round_table(scene, "Trajectories", paths, steepness=4.0),
+                with_legend(
+                    round_table(scene, "Trajectories", paths, steepness=4.0),
+                    "ways",
+                    height=240,
+                    in_tabs=True,
+                ),
             ),
         ),
         row_shares=[1.4, 1.0],
@@ -264,8 +270,24 @@ def _pairs(scene: DrawnScene) -> rrb.Container:
     return _beside(
         "Pairs",
         2.0,
-        with_legend(
-            of_pairs(scene, "ICP: choose the timeline 'iteration' and scrub"), "pairs", height=620
+        rrb.Tabs(
+            with_legend(
+                round_table(
+                    scene,
+                    "Worst pair of the stop",
+                    ["/registration/pair_at_stop/**"],
+                    steepness=4.0,
+                ),
+                "pair",
+                height=620,
+                in_tabs=True,
+            ),
+            with_legend(
+                of_pairs(scene, "All pairs: choose the timeline 'iteration' and scrub"),
+                "pairs",
+                height=620,
+                in_tabs=True,
+            ),
         ),
         _text("/registration/pairs/summary", "Pairs side by side"),
         _plot("/registration/iterations/rmse_mm", "RMSE (mm)"),

@@ -60,6 +60,20 @@ LEGENDS: dict[str, Entries] = {
         ("by the wheels", palette.WHEELS.on_dark),
     ),
     "registration": (*AGREEMENT, ("dropped", palette.LEFT_OUT.on_dark)),
+    "pair": (
+        ("target", palette.TEXT.on_dark),
+        ("source before ICP", palette.LOCALISED.on_dark),
+        ("after", palette.TRUSTED.on_dark),
+        ("after, dropped", palette.DISTRUSTED.on_dark),
+    ),
+    "ways": (
+        ("registered where localised", palette.TRUSTED.on_dark),
+        ("25 mm off", palette.CAREFUL.on_dark),
+        ("50 mm", palette.DISTRUSTED.on_dark),
+        ("localised", palette.LOCALISED.on_dark),
+        ("odometry", palette.LASER.on_dark),
+        ("wheels", palette.WHEELS.on_dark),
+    ),
     "pairs": (
         ("target", palette.TEXT.on_dark),
         ("source", palette.TRUSTED.on_dark),

@@ -7,12 +7,14 @@ import rerun as rr
 
 from tablemap import palette
 from tablemap.geometry import Floats, Pose2
-from tablemap.review import text
+from tablemap.review import colours, text
 from tablemap.review.clouds import raised, thinned
 from tablemap.review.stream import Stream, sensor_times
 from tablemap.stages.odometry import Odometry, OdometryMap, OdometryScan, Trajectory
 
 TRAJECTORY_HEIGHT = 0.02
+MOST_PIECES = 200
+CORRECTION_LIMIT = 0.05  # metres
 MAP_CELLS = 2
 
 
@@ -58,6 +60,7 @@ class MotionDrawing:
     def log_odometry(self, stream: Stream, odometry: Odometry) -> None:
         """Log the recorded and the estimated trajectories."""
         stream.hold()
+        stream.scene.localised_way = odometry.localised
         stream.text("odometry/summary", text.odometry(odometry))
         log_trajectory(
             stream, "trajectory/localised", odometry.localised, palette.LOCALISED.on_dark
@@ -82,6 +85,30 @@ def log_trajectory(
     """Log a trajectory in the map as one line, named after its entity."""
     if len(trajectory.poses):
         _log_path(stream, path, trajectory.poses[:, :2], colour)
+
+
+def log_correction(stream: Stream, trajectory: Trajectory) -> None:
+    """Log the registered way in pieces, by how far the localisation had it from there."""
+    localised = stream.scene.localised_way
+    if localised is None or len(localised.poses) == 0 or len(trajectory.poses) < 2:
+        return
+    stamps = trajectory.stamps_ns - localised.stamps_ns[0]
+    known = localised.stamps_ns - localised.stamps_ns[0]
+    had = [np.interp(stamps, known, localised.poses[:, k]) for k in (0, 1)]
+    off = np.linalg.norm(trajectory.poses[:, :2] - np.column_stack(had), axis=1)
+    places = raised(trajectory.poses[:, :2], TRAJECTORY_HEIGHT)
+    step = max(1, -(-len(places) // MOST_PIECES))
+    starts = range(0, len(places) - 1, step)
+    stream.log(
+        "trajectory/correction",
+        rr.LineStrips3D(
+            [places[k : k + step + 1] for k in starts],
+            colors=colours.severity(
+                np.array([off[k : k + step + 1].mean() for k in starts]), CORRECTION_LIMIT
+            ),
+            radii=rr.Radius.ui_points(2.5),
+        ),
+    )
 
 
 def _log_path(stream: Stream, path: str, places: Floats, colour: palette.Colour) -> None:

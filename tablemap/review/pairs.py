@@ -22,6 +22,7 @@ FEW_PAIRS = 30
 """Up to this number of pairs there is room for the RMSE beside a pair's name."""
 WIDER = 1.15  # columns over rows
 MOST_POINTS = 360  # of each of a pair's two clouds: a cell has room for so many
+MOST_JUDGED = 1000  # of each cloud of the pair that is shown alone
 SEEN_SHARE = 60  # per cent of the points that must fit in a cell
 
 Key = tuple[int, int]
@@ -72,6 +73,7 @@ class Pairs:
         config = stream.config
         for key in keys if config.level == "full" else keys[: config.plotted_pairs]:
             _plot(stream, key, self._sequences[key])
+        _log_at_stops(stream, keys, named, self._sequences, poses)
         shown = [key for key in keys[: config.aligned_pairs] if max(key) < len(poses)]
         if shown:
             stream.text("registration/pairs/summary", text.aligned(len(shown), len(keys)))
@@ -112,6 +114,38 @@ class Pairs:
         ]
         most = float(np.percentile(np.concatenate(away), SEEN_SHARE))
         return float(np.clip(most, LEAST_REACH, MOST_REACH))
+
+
+def _log_at_stops(
+    stream: Stream,
+    keys: list[Key],
+    named: dict[Key, Pair],
+    sequences: dict[Key, _Sequence],
+    poses: Sequence[Pose2],
+) -> None:
+    """Log for each stop the worst of its pairs, in the map: target, source before and after."""
+    for index, stamp in enumerate(stream.scene.stamps_ns[: len(poses)]):
+        key = next((one for one in keys if index in one and max(one) < len(poses)), None)
+        if key is None:
+            clouds, name = [np.zeros((0, 3))] * 3, []
+        else:
+            sequence, target = sequences[key], poses[key[1]]
+            moved = [target @ sequence.poses[k] for k in (0, -1)]
+            clouds = [target.apply(sequence.target), *[one.apply(sequence.source) for one in moved]]
+            name = [text.pair_told(key, named.get(key))]
+        dropped = key is not None and key in named and not named[key].used
+        after = palette.DISTRUSTED if dropped else palette.TRUSTED
+        inks = (palette.TEXT, palette.LOCALISED, after)
+        stream.at_stop(stamp, index)
+        for entity, points, ink in zip(("target", "before", "after"), clouds, inks, strict=True):
+            few = points[:: max(1, -(-len(points) // MOST_JUDGED))].astype(np.float32)
+            stream.log(
+                f"registration/pair_at_stop/{entity}",
+                rr.Points3D(few, colors=[ink.on_dark], radii=rr.Radius.ui_points(2.0)),
+            )
+        middle = clouds[0].mean(axis=0)[None] if name else np.zeros((0, 3))
+        stream.names("registration/pair_at_stop/names", middle, name)
+    stream.hold()
 
 
 def _log_clouds(

@@ -34,6 +34,7 @@ ENTITIES = {
     "/camera/model/*": "LineStrips2D in the image: outline, underside, legs; dashed: not measured",
     "/laser/scan": "Points3D in the laser frame: the scan nearest to the snapshot",
     "/trajectory/*": "LineStrips3D of the base: localised, wheels, odometry, registered",
+    "/trajectory/correction": "LineStrips3D: the registered way, by how far localisation was off",
     "/calibration/summary": "TextDocument: the camera's corrections",
     "/calibration/floor_rms_mm": "BarChart: the floor before and after",
     "/calibration/floor_before": "Image: the floor's heights over the camera's image, as recorded",
@@ -66,6 +67,8 @@ ENTITIES = {
     "/registration/graph_in_map/*": "LineStrips3D by kind of pair and whether it was used",
     "/registration/graph_worst": "LineStrips3D: the dropped pairs and the worst ones",
     "/registration/graph_at_stop": "LineStrips3D, one row a snapshot: the pairs of that stop",
+    "/registration/pair_at_stop/*": "Points3D, one row a snapshot: target, before and after of the "
+    "worst pair of that stop, in the map",
     "/registration/graph_before": "LineStrips3D: the stops before the graph was solved",
     "/registration/correction_mm": "Scalars over snapshot: registered against localised",
     "/outline/summary": "TextDocument: edge points of each kind by view",

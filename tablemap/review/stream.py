@@ -23,6 +23,7 @@ from tablemap.errors import TablemapError
 from tablemap.geometry import Floats, Ints, Pose2
 from tablemap.recording import FrameNames, Recording
 from tablemap.review.schema import SCHEMA, described
+from tablemap.stages.odometry import Trajectory
 
 FLUSH_SECONDS = 1.0
 STUCK_SECONDS = 20.0
@@ -52,6 +53,7 @@ class DrawnScene:
     - ``best``: the snapshot that shows most of the table
     - ``colour_fits``: whether colour images match the depth images pixel by pixel
     - ``is_modelled``: whether the chosen table's model is there
+    - ``localised_way``: the drive as localised
     - ``has_laser``: whether odometry drew scans
     - ``has_labels``: whether views were labelled
     - ``flatness``: ``floor`` and ``top``, where heights over the image were drawn
@@ -73,6 +75,7 @@ class DrawnScene:
     extent: float = 1.0
     yaw: float = 0.0
     shape: str = ""
+    localised_way: Trajectory | None = None
     is_modelled: bool = False
     has_laser: bool = False
     has_labels: bool = False

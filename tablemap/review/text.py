@@ -242,11 +242,20 @@ def registration(result: Registration) -> str:
 def aligned(shown: int, pairs: int) -> str:
     """Return the explanation of the view of aligned pairs."""
     return (
+        "*Worst pair of the stop*: the one of the snapshot at the cursor, in the map. *All pairs*: "
         f"{shown} of {pairs} pairs, the dropped and the worst first, each in a cell of its own and "
         "lying as its target does in the map; beside few names stands the RMSE. On the timeline "
         "`iteration` the sources move from where ICP began (0) to where it ended; on the others "
         "they are as they ended."
     )
+
+
+def pair_told(key: tuple[int, int], pair: Pair | None) -> str:
+    """Return the name of the pair that is shown alone."""
+    name = f"{key[0]} to {key[1]}"
+    if pair is None:
+        return name
+    return f"{name}: rmse {1000 * pair.rmse:.1f} mm" + ("" if pair.used else f", {pair.reason}")
 
 
 def from_one_place(bases: Sequence[Pose2]) -> list[range]:

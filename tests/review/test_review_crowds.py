@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
 from tablemap.events import StageFinished, StageStarted
 from tablemap.model import TableModel
 from tablemap.review.alignment import WORST_PAIRS
-from tablemap.review.text import letter, pair_residual
+from tablemap.review.text import letter, pair_residual, worst_first
 from tablemap.stages.odometry import OdometryMap, OdometryScan
 from tablemap.stages.registration import Registration
 from tests.making import made_up_run as made_up
@@ -97,6 +99,35 @@ def test_a_stop_shows_its_own_pairs_camera_and_points(run: list[object], review:
     for entity in ("/registration/graph_at_stop", "/stop/camera", "/stop/points"):
         assert timelines(review, entity) >= {"snapshot", "sensor_time"}
         assert "stage" not in timelines(review, entity)
+
+
+def test_a_stop_shows_its_worst_pair(run: list[object], review: Path) -> None:
+    """Alone and in the map: the source where ICP began and where it ended."""
+    registration = registration_of(run)
+    ordered = [pair for pair in worst_first(registration) if pair.kind != "odometry"]
+    names = columns(review, "/registration/pair_at_stop/names", "Points3D:labels")
+    assert len(names) == STOPS
+    for index, told in enumerate(names):
+        worst = next(pair for pair in ordered if index in (pair.source, pair.target))
+        assert str(told[0]).startswith(f"{worst.source} to {worst.target}: rmse")
+    before, after = (
+        columns(review, f"/registration/pair_at_stop/{name}", "Points3D:positions")
+        for name in ("before", "after")
+    )
+    assert len(before) == len(after) == STOPS
+    for one, other in zip(before, after, strict=True):
+        away = np.linalg.norm(np.subtract(one, other), axis=-1)
+        assert 0.001 < away.mean() < 0.5
+
+
+def test_the_way_is_coloured_by_its_error(run: list[object], review: Path) -> None:
+    """Green where the localisation was right, red from 50 mm on; its pieces join."""
+    (pieces,) = columns(review, "/trajectory/correction", "LineStrips3D:strips")
+    (tints,) = columns(review, "/trajectory/correction", "LineStrips3D:colors")
+    assert len(pieces) == len(tints) > 5
+    assert len(set(tints)) > 1
+    for one, following in pairwise(pieces):
+        assert np.allclose(one[-1], following[0])
 
 
 def test_a_tab_needs_data(run: list[object], review: Path, tmp_path: Path) -> None:
