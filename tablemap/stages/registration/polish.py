@@ -220,8 +220,8 @@ def _correspond(
     paired: _PairedPoints, poses: Floats, errors: Floats, gate: float, kernel: float
 ) -> _Sums:
     """Accumulate the normal equations of n_t . (P_s p - P_t q) over all ordered pairs."""
-    last = 3 * len(poses)
-    size = last + len(errors)
+    own = 3 * len(poses) + np.arange(len(errors))
+    size = 3 * len(poses) + len(errors)
     sources, targets = paired.pairs.T
     relative = compose(inverses(poses[targets]), poses[sources])
     corrected = paired.points + (paired.modes @ errors)[:, None] * paired.directions
@@ -262,7 +262,7 @@ def _correspond(
     ends = np.searchsorted(pair, np.arange(len(paired.pairs) + 1))
     for k, (s, t) in enumerate(paired.pairs.tolist()):
         part = slice(int(ends[k]), int(ends[k + 1]))
-        columns = np.concatenate([3 * s + _POSE, 3 * t + _POSE, np.arange(last, size)])
+        columns = np.concatenate([3 * s + _POSE, 3 * t + _POSE, own])
         system[np.ix_(columns, columns)] += weighted[part].T @ rows[part]
         gradient[columns] += weighted[part].T @ residual[part]
     matched: Floats = np.zeros(len(poses))
