@@ -12,7 +12,8 @@ from tablemap.recording.messages import (
     LaserScan,
     TransformStamped,
 )
-from tablemap.recording.reader import DepthFrame, Recording, open_recording
+from tablemap.recording.reader import Recording, open_recording
+from tablemap.recording.streams import DepthFrame
 from tablemap.recording.tf.frame_roles import FrameNames
 
 __all__ = [
