@@ -87,6 +87,9 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
     with stage("snapshots"):
         taken = take_snapshots(recording, config=config.snapshots, sensors=sensors)
         record(taken)
+        # A kind of camera has its own errors at edges.
+        sensors, _ = sensors.of_camera(taken.camera.kind)
+        config = config.model_copy(update={"sensors": sensors})
 
     # The floor shows the camera's tilt, and the bend of its depth image.
     with stage("calibration"):

@@ -1,6 +1,7 @@
 """One typed, frozen tree of settings, and how it is read and written."""
 
 from tablemap.config.calibration import CalibrationConfig
+from tablemap.config.cameras import CAMERAS, DepthCamera
 from tablemap.config.crosscheck import CrossCheckConfig
 from tablemap.config.export import ExportConfig
 from tablemap.config.legs import LegsConfig
@@ -20,9 +21,11 @@ from tablemap.config.topics import TopicsConfig
 from tablemap.config.tree import Config, Method, Tables, check_tables, setting_names
 
 __all__ = [
+    "CAMERAS",
     "CalibrationConfig",
     "Config",
     "CrossCheckConfig",
+    "DepthCamera",
     "ExportConfig",
     "LegsConfig",
     "LimitsConfig",

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field
 
+from tablemap.config.cameras import CAMERAS, DepthCamera
 from tablemap.config.section import Section
 
 
@@ -14,6 +17,11 @@ class SensorsConfig(Section):
     table get larger sigmas, and the other sensors weigh more.
     """
 
+    depth_camera: DepthCamera | Literal[""] = Field(
+        default="",
+        description="kind or model of the depth camera, whose values take the place of defaults; "
+        "empty: by the noise and the steps of its images",
+    )
     laser_maximum_range_odometry: float = Field(
         default=30.0,
         gt=0,
@@ -284,3 +292,18 @@ class SensorsConfig(Section):
         description="metres; error of a leg's silhouette and face in depth, where the laser does "
         "not see the leg (sigma). Higher: larger sigmas of such legs",
     )
+
+    def of_camera(self, seen: DepthCamera | None) -> tuple[SensorsConfig, dict[str, float]]:
+        """Return the settings with the camera's own values, and which values these are.
+
+        The camera is the named one, else the one that was ``seen``. A setting that differs from
+        its default stays.
+        """
+        camera = self.depth_camera or seen
+        fields = type(self).model_fields
+        taken = {
+            name: value
+            for name, value in (CAMERAS[camera] if camera else {}).items()
+            if getattr(self, name) == fields[name].default
+        }
+        return self.model_copy(update=taken), taken

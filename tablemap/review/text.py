@@ -47,6 +47,7 @@ def snapshots(result: Snapshots) -> str:
             f"## {len(result.snapshots)} snapshots",
             table(("snapshot", "x, y as localised", "heading", "images"), rows),
             "",
+            f"- {result.camera}",
             *[f"- {count} {what} set aside: {why}" for (what, why), count in aside.most_common(9)],
         ]
     )

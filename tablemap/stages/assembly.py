@@ -46,6 +46,7 @@ def assemble(found: Findings) -> m.TableModel:
     snapshots = tuple(_snapshot(snapshot, found, poses) for snapshot in found.taken.snapshots)
     warnings = [
         *found.recording.warnings,
+        *found.taken.warnings,
         *_set_aside(found, snapshots),
         *found.calibration.warnings,
         *found.segmentation.warnings,

@@ -48,7 +48,7 @@ def depth_noise(depth: NDArray[np.float32]) -> DepthNoise:
     count = int(slab.max()) + 1 if slab.size else 1
     centres = ((np.arange(count) + 0.5) * SLAB_M).astype(np.float32)
     sigmas = _axial_noise(centres)
-    steps = _value_steps(depth, count)
+    steps = value_steps(depth, count)
     if depth.shape[1] > 2 * LAG_PX:
         rows = depth[::ROW_STRIDE_PX]
         middle = rows[:, LAG_PX:-LAG_PX]
@@ -87,7 +87,7 @@ def _coarse_step(steps: NDArray[np.float32], pixels: NDArray[np.integer]) -> flo
     return float(steps[middle]) if relative[middle] > COARSE_SHARE else 0.0
 
 
-def _value_steps(depth: NDArray[np.float32], slabs: int) -> NDArray[np.float32]:
+def value_steps(depth: NDArray[np.float32], slabs: int) -> NDArray[np.float32]:
     """Return the steps (slabs,) between occurring depth values, metres, 0 where they are dense."""
     steps = np.zeros(slabs, dtype=np.float32)
     thin = depth[::2, ::2]

@@ -9,6 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tablemap.config import DepthCamera
+from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats, Ints, Pose2, transform
 from tablemap.recording.messages import CompressedImage, Image
 from tablemap.stages.snapshots.noise import DepthNoise, depth_noise
@@ -111,10 +113,42 @@ class SetAside:
     index: int | None = None
 
 
+@dataclass(frozen=True)
+class SeenCamera:
+    """What the images show of the camera; ``kind`` is None where they do not tell.
+
+    ``noise`` and ``step`` are metres at two metres, ``power`` is that of the distance with which
+    the noise grows; all are NaN where too little was seen.
+    """
+
+    kind: DepthCamera | None
+    noise: float = float("nan")
+    power: float = float("nan")
+    step: float = float("nan")
+
+    def __str__(self) -> str:
+        if not np.isfinite(self.noise):
+            return "depth camera: too little was seen to tell its kind"
+        name = "of no known kind" if self.kind is None else self.kind.replace("_", " ")
+        return (
+            f"depth camera: {name} (noise {1e3 * self.noise:.1f} mm at 2 m, growing with the "
+            f"distance to the power {self.power:.1f}; steps of {1e3 * self.step:.1f} mm there)"
+        )
+
+
+UNKNOWN_CAMERA = SeenCamera(None)
+"""A camera of which too little was seen, or whose images fit no kind."""
+
+
 @dataclass(frozen=True, eq=False)
 class Snapshots:
-    """All viewpoints of a recording, in time order, and the images that were not used."""
+    """All viewpoints of a recording, in time order, and the images that were not used.
+
+    ``camera``: what single images show of the camera's kind.
+    """
 
     snapshots: tuple[Snapshot, ...]
     set_aside: tuple[SetAside, ...]
     kind: SnapshotsKind
+    camera: SeenCamera = UNKNOWN_CAMERA
+    warnings: tuple[ProcessWarning, ...] = ()

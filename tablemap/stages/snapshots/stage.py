@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tablemap.config import SensorsConfig, SnapshotsConfig
-from tablemap.errors import EstimationError, RecordingError
+from tablemap.errors import EstimationError, ProcessWarning, RecordingError
 from tablemap.geometry import Ints, Pose2, invert
 from tablemap.recording import DepthFrame, Recording
+from tablemap.stages.snapshots.camera_kind import looked_at, seen_camera
 from tablemap.stages.snapshots.combining import combine
 from tablemap.stages.snapshots.directions import by_direction, planar_pose, same_mount, views_at
 from tablemap.stages.snapshots.result import (
     Camera,
+    SeenCamera,
     SetAside,
     Snapshot,
     Snapshots,
@@ -49,7 +52,7 @@ def take_snapshots(
                 f"it is not among the {config.maximum} viewpoints that show the most views",
             )
         )
-    snapshots, dropped = _decode(recording, [viewpoints[i] for i in kept], config)
+    snapshots, dropped, camera = _decode(recording, [viewpoints[i] for i in kept], config)
     if not snapshots:
         reasons = Counter(entry.reason for entry in dropped)
         why = ", ".join(f"{reason} ({count})" for reason, count in reasons.most_common())
@@ -58,7 +61,22 @@ def take_snapshots(
             f"see the warnings of `tablemap info`: {recording.input}"
         )
     aside = sorted([*aside, *dropped], key=lambda entry: entry.stamp_ns)
-    return Snapshots(tuple(snapshots), tuple(aside), kind)
+    notes = _camera_notes(camera, sensors)
+    return Snapshots(tuple(snapshots), tuple(aside), kind, camera, notes)
+
+
+def _camera_notes(camera: SeenCamera, sensors: SensorsConfig) -> tuple[ProcessWarning, ...]:
+    """Say if the camera's kind or name changes what is believed of the sensors."""
+    _, taken = sensors.of_camera(camera.kind)
+    if not taken:
+        return ()
+    values = ", ".join(f"sensors.{name} = {value:g}" for name, value in taken.items())
+    named = f"named {sensors.depth_camera}; " if sensors.depth_camera else ""
+    message = (
+        f"{named}{camera}: {values} taken in place of the defaults (--set "
+        "sensors.depth_camera=NAME takes another's)"
+    )
+    return (ProcessWarning("snapshots.camera", "snapshots", message),)
 
 
 def find_viewpoints(
@@ -165,8 +183,10 @@ def _limit(
 
 def _decode(
     recording: Recording, viewpoints: list[Viewpoint], config: SnapshotsConfig
-) -> tuple[list[Snapshot], list[SetAside]]:
+) -> tuple[list[Snapshot], list[SetAside], SeenCamera]:
     """Stream the chosen images, with the images of one viewpoint in memory at a time."""
+    alone: list[NDArray[np.float32]] = []  # combined ones have neither the steps nor the noise
+    looked = looked_at(len(viewpoints))
     chosen = [_spread(v.stamps_ns, config.images_per_stop) for v in viewpoints]
     owner = {int(s): i for i, stamps in enumerate(chosen) for s in stamps}
     colours = recording.colour_near(np.array([v.middle_ns for v in viewpoints], dtype=np.int64))
@@ -184,6 +204,8 @@ def _decode(
         )
         same = [frames[i] for i in alike]
         middle = same[len(same) // 2]
+        if which in looked:
+            alone.append(middle.depth)
         camera = _camera(middle)
         fixed_from_base = recording.fixed_from_base(middle.stamp_ns)
         if fixed_from_base is None:
@@ -225,7 +247,8 @@ def _decode(
         pending.append(frame)
     if pending:
         finish(current, pending)
-    return snapshots, aside + _left_out(recording, [s for s in owner if s not in decoded])
+    aside += _left_out(recording, [s for s in owner if s not in decoded])
+    return snapshots, aside, seen_camera(alone)
 
 
 def _left_out(recording: Recording, stamps_ns: list[int]) -> list[SetAside]:

@@ -1,0 +1,103 @@
+"""The kind of a depth camera is told by steps and noise; its values take the place of defaults."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tablemap.config import SensorsConfig, SnapshotsConfig, load_config
+from tablemap.errors import ConfigError
+from tablemap.recording import open_recording
+from tablemap.stages.snapshots import take_snapshots
+from tablemap.stages.snapshots.camera_kind import seen_camera
+
+IDEAL = np.repeat(np.linspace(0.7, 4.2, 320, dtype=np.float64)[None], 240, axis=0)
+"""A wall that runs away from the camera, (240, 320) metres."""
+
+
+def structured_light(rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return what a camera with disparities in eighths of a pixel sees, in millimetres."""
+    disparity = np.rint(8 * (43.9 / IDEAL + rng.normal(0, 0.08, IDEAL.shape))) / 8
+    return np.rint(1e3 * 43.9 / disparity) / 1e3
+
+
+def realsense(rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return what 848 x 480 active stereo sees: disparities in 32nds, smooth, in millimetres."""
+    disparity = 21.3 / IDEAL + rng.normal(0, 0.08, IDEAL.shape)
+    return np.rint(1e3 * 21.3 / disparity) / 1e3
+
+
+def zed(rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return floats with NaN and infinities."""
+    depth = 63.0 / (63.0 / IDEAL + rng.normal(0, 0.15, IDEAL.shape))
+    depth[rng.uniform(size=depth.shape) < 0.05] = np.inf
+    depth[rng.uniform(size=depth.shape) < 0.05] = np.nan
+    return depth
+
+
+def azure_kinect(rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return millimetres whose noise grows slowly with the distance."""
+    return np.rint(1e3 * (IDEAL + rng.normal(0, 1, IDEAL.shape) * 0.0012 * IDEAL)) / 1e3
+
+
+def eight_bits(rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return depth in equal steps of 39 mm, as no camera measures it."""
+    return np.rint(IDEAL / 0.039) * 0.039
+
+
+@pytest.mark.parametrize(
+    ("camera", "kind"),
+    [
+        (structured_light, "structured_light"),
+        (realsense, "stereo"),
+        (zed, "stereo"),
+        (azure_kinect, "time_of_flight"),
+        (eight_bits, None),
+    ],
+)
+def test_kinds(camera: object, kind: str | None) -> None:
+    """By single images; what is not known is None."""
+    rng = np.random.default_rng(1)
+    images = [camera(rng).astype(np.float32) for _ in range(3)]  # type: ignore[operator]
+    for image in images:
+        image[~np.isfinite(image)] = np.nan  # as decoded
+    assert seen_camera(images).kind == kind
+
+
+def test_nothing_is_told_of_nothing() -> None:
+    """Empty and tiny images have no kind."""
+    assert seen_camera([]).kind is None
+    assert seen_camera([np.full((4, 6), np.nan, dtype=np.float32)]).kind is None
+
+
+def test_the_simulated_camera_is_one_of_structured_light(plain_recording: Path) -> None:
+    """Its values are the defaults, so that nothing is to be said."""
+    with open_recording(plain_recording) as recording:
+        taken = take_snapshots(recording, config=SnapshotsConfig(), sensors=SensorsConfig())
+        named = take_snapshots(
+            recording, config=SnapshotsConfig(), sensors=SensorsConfig(depth_camera="zed")
+        )
+    assert taken.camera.kind == "structured_light"
+    assert taken.warnings == ()
+    (note,) = named.warnings
+    assert note.code == "snapshots.camera"
+    for words in ("named zed", "structured light", "sensors.projector_baseline = 0.12"):
+        assert words in note.message
+
+
+def test_a_camera_by_name(tmp_path: Path) -> None:
+    """It fills in what was left at its default, and no more; an unknown name is refused."""
+    sensors, taken = SensorsConfig(depth_camera="azure_kinect").of_camera("stereo")
+    assert sensors.projector_baseline == 0.0
+    assert taken == {"projector_baseline": 0.0}
+    own, _ = SensorsConfig(depth_camera="zed", projector_baseline=0.063).of_camera(None)
+    assert own.projector_baseline == 0.063
+    assert own.far_edge_bias == 1.0
+    assert SensorsConfig().of_camera("structured_light") == (SensorsConfig(), {})
+    config = load_config(overrides=["sensors.depth_camera=oak"])
+    assert config.sensors.depth_camera == "oak"
+    with pytest.raises(ConfigError, match=r"depth_camera"):
+        load_config(overrides=["sensors.depth_camera=polaroid"])
