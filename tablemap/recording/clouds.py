@@ -55,7 +55,8 @@ def depth_of_cloud(
     columns = width or count
     if columns <= 0:
         raise ValueError("a point cloud without points")
-    x, y, z = _coordinates(fields, data, (count // columns, columns), strides, is_bigendian)
+    with np.errstate(invalid="ignore"):  # damaged points may be NaNs that signal
+        x, y, z = _coordinates(fields, data, (count // columns, columns), strides, is_bigendian)
     widths = [columns] if width else _divisors(count)
     # Optical axes first: right, down, forward. Then a body's: forward, left, up.
     for is_body, right, down, forward in ((False, x, y, z), (True, -y, -z, x)):

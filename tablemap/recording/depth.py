@@ -117,5 +117,6 @@ def _in_metres(values: NDArray[np.uint16] | NDArray[np.float32]) -> NDArray[np.f
         metres[(values == 0) | (values == 0xFFFF)] = np.nan
         return metres
     depth = np.asarray(values, dtype=np.float32)
-    depth[~((depth > 0) & (depth < _FARTHEST))] = np.nan
+    with np.errstate(invalid="ignore"):  # damaged pixels may be NaNs that signal
+        depth[~((depth > 0) & (depth < _FARTHEST))] = np.nan
     return depth

@@ -107,9 +107,12 @@ def _laser(message: Any, log_ns: int) -> LaserScan:
 def _ranges(message: Any) -> NDArray[np.float32]:
     """Return a scan's ranges (n,); of several echoes of a beam the first, of none infinity."""
     if not len(message.ranges) or not hasattr(message.ranges[0], "echoes"):
-        return np.array(message.ranges, dtype=np.float32)
-    echoes = [beam.echoes for beam in message.ranges]
-    return np.array([each[0] if len(each) else np.inf for each in echoes], dtype=np.float32)
+        ranges = np.array(message.ranges, dtype=np.float32)
+    else:
+        echoes = [beam.echoes for beam in message.ranges]
+        ranges = np.array([each[0] if len(each) else np.inf for each in echoes], dtype=np.float32)
+    ranges[np.isnan(ranges)] = np.nan  # damaged ones may be NaNs that signal, and warn when used
+    return ranges
 
 
 def _cloud(message: Any, log_ns: int) -> CloudImage:

@@ -355,6 +355,13 @@ def attachment_without_end(path: Path) -> None:
     path.write_bytes(header() + struct.pack("<BQ", Opcode.ATTACHMENT, 2**63) + bytes(1000))
 
 
+@case
+def chunk_that_ends_beyond_all_files(path: Path) -> None:
+    """A chunk and its packed bytes claim to be longer than any place that can be sought."""
+    head = struct.pack("<QQQI", 0, 1, 10, 0) + text("zstd") + struct.pack("<Q", 2**64 - 90)
+    path.write_bytes(header() + struct.pack("<BQ", Opcode.CHUNK, 2**63) + head + bytes(100))
+
+
 # A drive with one thing in it that is not as it should be.
 
 

@@ -151,6 +151,16 @@ def test_times_that_no_number_holds_are_left_out(tmp_path: Path) -> None:
     assert any("without a header or a time" in each.message for each in found.warnings)
 
 
+@pytest.mark.parametrize(
+    "make", [hostile.attachment_without_end, hostile.chunk_that_ends_beyond_all_files]
+)
+def test_lengths_beyond_all_files_are_said(make: Callable[[Path], None], tmp_path: Path) -> None:
+    """No number of 64 bits leads out of the file."""
+    path = tmp_path / "long.mcap"
+    make(path)
+    assert any(each.code == "recording.truncated" for each in inspect(path).warnings)
+
+
 def test_memory_of_a_small_message_is_small() -> None:
     """A million empty messages are an index of a few numbers each until they are asked for."""
     from tablemap.recording.mcap.container import Container

@@ -33,6 +33,8 @@ def read_through(file: BinaryIO, losses: Losses, totals: Totals) -> Index:
     pending: tuple[int, int, bytes] | None = None
 
     def read(at: int, count: int) -> bytes:
+        if at >= size:  # a broken length may lead beyond what can be sought
+            return b""
         file.seek(at)
         return file.read(count)
 

@@ -226,7 +226,8 @@ def _sound(samples: _PoseSamples) -> tuple[Track, Ints, Counter[str]]:
     stamps = np.array(samples.stamps, dtype=np.int64)
     counts = np.array(samples.counts, dtype=np.int64)
     poses = np.array(samples.poses).reshape(-1, 7)
-    sent = np.linalg.norm(poses[:, 3:], axis=1)
+    with np.errstate(over="ignore"):  # damaged ones may have any number
+        sent = np.linalg.norm(poses[:, 3:], axis=1)
     poses = np.where(np.abs(poses) < FARTHEST, poses, np.nan)
     norms = np.linalg.norm(poses[:, 3:], axis=1)
     finite = np.all(np.isfinite(poses), axis=1)
