@@ -120,6 +120,45 @@ def test_https_is_read_by_ranges(tmp_path: Path) -> None:
         served.shutdown()
 
 
+@pytest.fixture
+def google(server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Server:
+    """The same bucket as Google's XML interface serves it, without a password."""
+    account = tmp_path / "account.json"
+    access = {
+        "gcs_base_url": server.url,
+        "disable_oauth": True,
+        "client_email": "",
+        "private_key": "",
+        "private_key_id": "",
+    }
+    account.write_text(json.dumps(access))
+    monkeypatch.setenv("GOOGLE_SERVICE_ACCOUNT", str(account))
+    return server
+
+
+def test_google_storage(tmp_path: Path, google: Server) -> None:
+    """``gs://`` is read by ranges, file or folder, and runs are put there."""
+    path = tmp_path / "drive.mcap"
+    w.write_drive(path)
+    copy_to_bag2(path, tmp_path / "lap", storage=StoragePlugin.MCAP)
+    google.put(path, "drive.mcap")
+    for file in (tmp_path / "lap").iterdir():
+        google.put(file, f"lap/{file.name}")
+    for given in (f"gs://{BUCKET}/drive.mcap", f"gs://{BUCKET}/lap"):
+        assert not inspect(given).missing
+        with open_recording(given) as recording:
+            check_drive(recording)
+    assert google.ranges
+    made = make_run(tmp_path / "stage", "lap/one", rectangle_model())
+    with destination(f"gs://{BUCKET}/runs") as place:
+        shutil.copytree(made.path, place.folder / "lap" / "one")
+        place.publish(place.folder / "lap" / "one")
+    kept = RemotePath(f"gs://{BUCKET}/runs/lap/one/table.json")
+    assert kept.read_text() == rectangle_model().to_json()
+    with pytest.raises(RecordingError, match="no such file"):
+        open_recording(f"gs://{BUCKET}/nothing.mcap")
+
+
 @pytest.mark.parametrize(
     ("place", "says"),
     [
