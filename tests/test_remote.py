@@ -15,11 +15,13 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
+from tablemap.archive import load_run
 from tablemap.archive.publishing import destination
 from tablemap.errors import RecordingError, TablemapError
 from tablemap.inputs import Input
 from tablemap.recording import convert, inspect, open_recording
 from tablemap.remote import RemotePath, _store, place_at
+from tablemap.review.viewer.viewer import is_review, review_file
 from tests.making import messages as w
 from tests.making.command import tablemap
 from tests.making.drives import check_drive, copy_to_bag, copy_to_bag2
@@ -229,6 +231,31 @@ def test_runs_are_put_there(tmp_path: Path, server: Server) -> None:
     assert not (run.parent / "latest").is_file()
 
 
+def test_runs_there_are_shown(tmp_path: Path, server: Server) -> None:
+    """By their own address, or by that of their recording; nothing is written beside them."""
+    made = make_run(tmp_path / "stage", "lap/one", rectangle_model())
+    with destination(f"s3://{BUCKET}/runs") as place:
+        shutil.copytree(made.path, place.folder / "lap" / "one")
+        (place.folder / "lap" / "one" / "run.rrd").write_bytes(b"RRF2 and more")
+        place.publish(place.folder / "lap" / "one")
+    lap = f"s3://{BUCKET}/runs/lap"
+    for run in (f"{lap}/one", f"{lap}/one/table.json", lap, f"{lap}/latest"):
+        found = load_run(run)
+        assert found.manifest == made.manifest
+        assert found.model == made.model
+        assert is_review(run)
+    assert review_file(lap).read_bytes() == b"RRF2 and more"
+    done = tablemap("runs", "show", lap)
+    assert done.returncode == 0, done.stderr
+    assert "rectangle" in done.stdout
+    refused = tablemap("runs", "reprocess", lap)
+    assert refused.returncode == 2
+    assert "--output" in refused.stderr
+    assert not is_review(f"s3://{BUCKET}/runs/drive.mcap")
+    with pytest.raises(TablemapError, match=r"manifest\.json, found none: s3://"):
+        load_run(f"s3://{BUCKET}/runs/other")
+
+
 def test_run_that_left_a_model_is_the_latest(tmp_path: Path, server: Server) -> None:
     """A disk has a link for that; and where the server does not answer the run is kept."""
     made = make_run(tmp_path / "stage", "lap/one", rectangle_model())
@@ -243,7 +270,7 @@ def test_run_that_left_a_model_is_the_latest(tmp_path: Path, server: Server) -> 
     with destination("s3://nobody-has-this/runs") as place:
         run = place.folder / "lap" / "one"
         shutil.copytree(made.path, run)
-        with pytest.raises(TablemapError, match=rf"\(No such bucket\), and stays at {run}"):
+        with pytest.raises(TablemapError, match=rf"\(No such bucket\) and stays at {run}"):
             place.publish(run)
     assert (run / "table.json").is_file()
     shutil.rmtree(place.folder)

@@ -15,6 +15,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from tablemap.archive.fetching import fetched_run
 from tablemap.archive.liveness import Writer, is_alive
 from tablemap.archive.manifest import LEAVE_A_MODEL, Manifest, RecordingEntry, Status, versions
 from tablemap.config import Config, load_config
@@ -24,6 +25,7 @@ from tablemap.files import is_file, is_folder, is_link, read_text, write_whole
 from tablemap.inputs import AnyInput, Input, sha256
 from tablemap.model import TableModel
 from tablemap.paths import AnyPath, as_path
+from tablemap.remote import is_remote
 from tablemap.words import safe_name
 
 if TYPE_CHECKING:
@@ -279,12 +281,12 @@ def _check_latest(link: Path) -> None:
 def load_run(run: AnyPath) -> RunFolder:
     """Open a run folder; in a recording's folder of runs, open the last run that left a model.
 
-    A path of a file in a run opens that run; a `RunFolder` is returned as it is. Raises
-    `TablemapError` if there is no run, or its manifest is damaged.
+    A path of a file in a run opens that run; a `RunFolder` is returned as it is; of a run on a
+    server a copy is opened. Raises `TablemapError` if there is no run, or its manifest is damaged.
     """
     if isinstance(run, RunFolder):
         return run
-    path = as_path(run)
+    path = fetched_run(run) if isinstance(run, str) and is_remote(run) else as_path(run)
     folder = path if is_folder(path) else path.parent
     latest = folder / LATEST
     if not is_file(folder / MANIFEST) and is_link(latest):

@@ -8,8 +8,15 @@ from typing import Annotated
 import typer
 
 from tablemap.cli.commands import Commands
+from tablemap.remote import is_remote
 
 runs_app = Commands(no_args_is_help=True, rich_markup_mode=None)
 
 Runs = Annotated[Path, typer.Argument(help="Folder of run folders.", metavar="DIR")]
-Run = Annotated[Path, typer.Argument(help="Run folder.", metavar="RUN")]
+Run = Annotated[str, typer.Argument(help="Run folder.", metavar="RUN")]
+
+
+def check_output(run: str, output: Path | None) -> None:
+    """Refuse to write beside a run that is on a server: there is only a copy of it here."""
+    if output is None and is_remote(run):
+        raise typer.BadParameter("RUN is on a server: --output says where to write.")

@@ -21,7 +21,7 @@ from tablemap.cli.printing import (
     stdout_console,
 )
 from tablemap.cli.process import process_one
-from tablemap.cli.runs.app import Run, Runs, runs_app
+from tablemap.cli.runs.app import Run, Runs, check_output, runs_app
 from tablemap.words import count
 
 
@@ -49,6 +49,7 @@ def reprocess(
     from tablemap.archive import load_run
     from tablemap.runs.running import reprocess as process_again
 
+    check_output(run, output)
     folder = load_run(run)
     outcome = process_one(
         folder.manifest.recording.input,

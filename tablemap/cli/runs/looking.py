@@ -60,8 +60,8 @@ def show(run: Run, as_json: Json = False) -> None:
 
 @runs_app.command()
 def compare(
-    first: Annotated[Path, typer.Argument(help="Run folder.", metavar="A")],
-    second: Annotated[Path, typer.Argument(help="Run folder.", metavar="B")],
+    first: Annotated[str, typer.Argument(help="Run folder.", metavar="A")],
+    second: Annotated[str, typer.Argument(help="Run folder.", metavar="B")],
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", help="Write compare.svg and .rrd here.", metavar="DIR"),
@@ -160,7 +160,7 @@ def _draw(a: RunFolder, b: RunFolder, output: Path) -> tuple[Path, Path]:
 
 @runs_app.command()
 def verify(
-    runs: Annotated[list[Path], typer.Argument(help="Run folders.", metavar="RUN")],
+    runs: Annotated[list[str], typer.Argument(help="Run folders.", metavar="RUN")],
     as_json: Json = False,
 ) -> None:
     """Check that the RUNs and their recordings are what they were."""

@@ -11,7 +11,7 @@ import typer
 
 from tablemap.cli.options import Json
 from tablemap.cli.printing import complain, say
-from tablemap.cli.runs.app import Run, Runs, runs_app
+from tablemap.cli.runs.app import Run, Runs, check_output, runs_app
 from tablemap.words import count
 
 
@@ -28,6 +28,7 @@ def pack_(
     """Write a RUN into one file, to be unpacked elsewhere."""
     from tablemap.archive.packing import pack
 
+    check_output(run, output)
     file = pack(run, output, with_input=with_input)
     say(json.dumps({"file": str(file)}) if as_json else file)
 

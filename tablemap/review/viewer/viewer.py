@@ -14,6 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from urllib.parse import quote
 
+from tablemap.archive.fetching import copied_run, is_run
 from tablemap.errors import ExternalToolError, TablemapError
 from tablemap.paths import AnyPath, as_path
 from tablemap.remote import is_remote
@@ -99,7 +100,7 @@ def review_file(path: AnyPath) -> Path:
     A recording's last run is ``latest``; if none left a model, it is the one that began last.
     Raises `TablemapError` if there is none.
     """
-    path = as_path(path)
+    path = copied_run(path) if isinstance(path, str) and is_remote(path) else as_path(path)
     if not path.is_dir():
         candidates = [path]
     else:
@@ -117,7 +118,7 @@ def is_review(path: AnyPath) -> bool:
     Raises `TablemapError` if there is nothing of that name.
     """
     if isinstance(path, str) and is_remote(path):
-        return False
+        return is_run(path)
     local = as_path(path)
     if not local.exists():
         raise TablemapError(
