@@ -19,6 +19,7 @@ from tablemap.recording.rvl import decode_rvl
 
 _FARTHEST = 1e5  # no camera measures so far, even if the values are in millimetres by mistake
 _PNG = b"\x89PNG\r\n\x1a\n"
+_JPEG = b"\xff\xd8\xff"
 _HEADER = struct.Struct("<iff")
 _RAW_TYPES = {"16uc1": "u2", "mono16": "u2", "32fc1": "f4"}
 
@@ -28,6 +29,8 @@ def depth_encoding(message: Image | CompressedImage) -> str | None:
     if isinstance(message, Image):
         pixel = _RAW_TYPES.get(message.encoding.lower())
         return None if pixel is None else "16UC1" if pixel == "u2" else "32FC1"
+    if is_jpeg(message):
+        return None
     declared = message.format.lower()
     if "32fc1" in declared:
         return "32FC1"
@@ -40,6 +43,12 @@ def depth_encoding(message: Image | CompressedImage) -> str | None:
     if data[:8] == _PNG and data[24:26] == b"\x10\x00":  # 16 bits, grey
         return "16UC1"
     return None
+
+
+def is_jpeg(message: CompressedImage) -> bool:
+    """Tell whether an image is a JPEG, which keeps eight bits of a picture and so no depth."""
+    data = bytes(message.data[: _HEADER.size + len(_JPEG)])
+    return data.startswith(_JPEG) or data[_HEADER.size :] == _JPEG
 
 
 def is_lossless(message: Image | CompressedImage) -> bool:

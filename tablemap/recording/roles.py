@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from tablemap.config import TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
-from tablemap.recording.depth import depth_encoding, is_lossless
+from tablemap.recording.depth import depth_encoding, is_jpeg, is_lossless
 from tablemap.recording.kinds import CALIBRATION, TRANSFORMS
 from tablemap.recording.messages import (
     CameraInfo,
@@ -370,6 +370,12 @@ def missing_roles(source: Source, roles: Roles, topics: Sequence[Topic]) -> list
     missing = []
     if roles.depth is None:
         problems = [f"{t.name} {t.problem}" for t in topics if t.problem and t.kind != TRANSFORMS]
+        problems += [
+            f"{t.name} has JPEG images, which keep no depth: record the topic itself or its "
+            "compressedDepth"
+            for t in topics
+            if isinstance(t.first, CompressedImage) and is_jpeg(t.first) and "depth" in t.words
+        ]
         if problems:
             advice = f"of its topics, {'; '.join(problems)}"
         else:
