@@ -16,6 +16,7 @@ from tablemap.stages.snapshots import Snapshot
 from tablemap.stages.snapshots.normals import upward_share
 
 COARSE_SIGMA_M = 0.008
+_NEAR = 25.0  # per cent of the pixels, those with the least noise
 NORMAL_WINDOW_PX, COARSE_WINDOW_PX = 4, 9
 CELL_M = 0.01
 
@@ -60,8 +61,9 @@ def look(snapshot: Snapshot, *, stride: int, coarser: SampledView | None = None)
     noise = snapshot.noise.sigma(depth)
     if coarser is None:
         valid = np.isfinite(noise)
-        coarse = bool(valid.any() and float(np.median(noise[valid])) > COARSE_SIGMA_M)
-        # Coarse depth steps need wide windows; fine noise does not.
+        # Coarse depth steps need wide windows; fine noise does not. Noise grows with the distance,
+        # and a table is nearer than most of a room.
+        coarse = bool(valid.any() and float(np.percentile(noise[valid], _NEAR)) > COARSE_SIGMA_M)
         upward = upward_share(points, COARSE_WINDOW_PX if coarse else NORMAL_WINDOW_PX)
     else:
         coarse = coarser.is_coarse
