@@ -120,19 +120,19 @@ def cross_check(
 
 def _mounting(by_legs: MountingSolution, arms: _Arms, sensors: SensorsConfig) -> Mounting:
     """Take the loose prior out of what the legs say of the camera in the base."""
-    covariance = by_legs.covariance[:3, :3] + np.diag(_LEG_SYSTEMATIC**2)
-    posterior = np.linalg.inv(covariance)
-    information = posterior - np.diag(prior_sigmas(sensors)[:3] ** -2.0)
+    posterior = np.linalg.inv(by_legs.covariance + np.diag(_LEG_SYSTEMATIC**2))
+    information = posterior - np.diag(prior_sigmas(sensors) ** -2.0)
     values, vectors = np.linalg.eigh((information + information.T) / 2)
     return Mounting(
         information=vectors @ np.diag(np.maximum(values, 0.0)) @ vectors.T,
-        estimate=posterior @ by_legs.asked[:3],
+        estimate=posterior @ by_legs.asked,
         ahead=arms.ahead,
         widening=by_legs.widening,
     )
 
 
-_LEG_SYSTEMATIC = np.array([0.001, 0.001, 0.0005])  # metres, metres, radians: no residual tells it
+# Metres, metres, radians, share: no residual tells it.
+_LEG_SYSTEMATIC = np.array([0.001, 0.001, 0.0005, 0.0])
 
 
 def _has_turned(snapshots: tuple[Snapshot, ...]) -> bool:

@@ -47,6 +47,7 @@ _COMMON = {
     "set_back": "rim",
     "slope_x": "level",
     "slope_y": "level",
+    "stretch": "drive_scale",
 }
 
 

@@ -32,6 +32,7 @@ class Evidence:
     drop: (N,), of the camera above the top, metres
     view: (N,), snapshot of each point
     poses: (n, 3), x, y, yaw of all snapshots
+    spread: (n, 3), metres, the places of the snapshots from their middle; 0 for the yaw
     prior_root: (n * ViewCorrections.COUNT, m), maps m independent unit normals to corrections
     prior_sources: (m,), what each of these stands for, as `budget.PARTS` names it
     top, free: (c, 2), centres of cells of ``cell`` metres
@@ -51,6 +52,7 @@ class Evidence:
     view: Ints
     is_near: Bools
     poses: Floats
+    spread: Floats
     prior_root: Floats
     prior_sources: tuple[str, ...]
     views: Ints
@@ -156,6 +158,7 @@ def gather(
         view=index,
         is_near=near.astype(bool),
         poses=poses,
+        spread=(poses - poses.mean(axis=0)) * (1.0, 1.0, 0.0),
         prior_root=root,
         prior_sources=sources,
         views=np.array([v.index for v in views], dtype=np.int64),

@@ -169,7 +169,7 @@ def unfitted(shape: Shape, evidence: Evidence) -> State:
 def corrected_poses(fit: JointFit, evidence: Evidence) -> Floats:
     """Return all snapshots' poses (n, 3) with the fit's corrections, relative to the origin."""
     correction = ViewCorrections.unpack(evidence.prior_root @ fit.state.whitened)
-    return evidence.poses + correction.poses
+    return evidence.poses + correction.poses + fit.nuisances.stretch * evidence.spread
 
 
 def spread_of(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> Spread:

@@ -65,8 +65,9 @@ def camera_motion(lever: Floats, drop: Floats, axis: Floats, turn: Floats) -> Ca
 class Mounting:
     """What the legs say of the camera in the base: the laser has them, and the camera sees them.
 
-    information: (3, 3), inverse covariance of a shift forward and left (metres) and a yaw (radians)
-    estimate: (3,), information times these
+    information: (4, 4), inverse covariance of a shift forward and left (metres), a yaw (radians)
+        and the stretch of the views' poses (a share); the legs show a shift and a stretch together
+    estimate: (4,), information times these
     ahead: metres from the camera to the legs; a focal length that is off by a share q stretches
         their bearings as a shift of q times this would
     widening: pixels that the depth image adds to a leg on each side, and its standard deviation

@@ -25,6 +25,7 @@ class CommonNuisances:
     shift_x, shift_y: shift of the camera in the base, metres
     set_back: distance of far edges inward from the outline, metres
     slope_x, slope_y: slope of the top in the map
+    stretch: how much farther the views' poses are from their middle, a share
     """
 
     scale: float = 0.0
@@ -39,6 +40,7 @@ class CommonNuisances:
     set_back: float = 0.0
     slope_x: float = 0.0
     slope_y: float = 0.0
+    stretch: float = 0.0
 
     COUNT: ClassVar[int]
 

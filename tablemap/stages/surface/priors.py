@@ -37,6 +37,8 @@ def common_prior(
 
     The distance of the camera from the top, its roll and its pitch have the covariance that the
     calibration found. The registration's systematic error acts like a camera shifted in every base.
+    The poses share a scale error, from the laser's ranges or the wheels: if it were left out, the
+    fit would measure the depth scale by the poses.
     A near edge belongs to the side face. A far edge ends where the flat top ends: at a bevelled or
     rounded rim this is millimetres inside. The image of the side face shows a large bevel, but not
     a small rounding. The legs, which laser and camera both see, tell where the camera is. The edges
@@ -48,11 +50,12 @@ def common_prior(
     tilt = float(np.deg2rad(sensors.camera_tilt_sigma_deg))
     focal = sensors.camera_focal_sigma
     if registration.source == "laser":
-        shift = sensors.laser_mounting_sigma
+        shift, stretch = sensors.laser_mounting_sigma, sensors.laser_range_scale_sigma
     else:
         held = camera is not None and camera.is_held
         focal = sensors.focal_length_sigma if held else sensors.calibrated_focal_length_sigma
         shift = max(registration.systematic / config.systematic_sigmas, 1e-6)
+        stretch = registration.stretch_sigma
     widening, far_bias = _far_bias(mounting, sensors)
     set_back = sensors.rim_set_back if outline.is_dull else sensors.sharp_rim_set_back
     sigmas = CommonNuisances(
@@ -68,6 +71,7 @@ def common_prior(
         set_back=max(set_back, 1e-6),
         slope_x=_TOP_SLOPE,
         slope_y=_TOP_SLOPE,
+        stretch=max(stretch, 1e-6),
     )
     covariance = np.diag(sigmas.pack() ** 2)
     if camera is not None:
@@ -76,8 +80,8 @@ def common_prior(
     precision: Floats = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
     mean = CommonNuisances(far_bias=widening).pack()
     if mounting is not None:
-        seen = np.zeros((3, CommonNuisances.COUNT))
-        for row, name in enumerate(("shift_x", "shift_y", "yaw")):
+        seen = np.zeros((4, CommonNuisances.COUNT))
+        for row, name in enumerate(("shift_x", "shift_y", "yaw", "stretch")):
             seen[row, CommonNuisances.place(name)] = 1.0
         seen[0, CommonNuisances.place("focal")] = -mounting.ahead
         pull = precision @ mean + seen.T @ mounting.estimate
@@ -120,16 +124,11 @@ def corrections_root(
     The sources (m,) are the parts of a budget (`budget.PARTS`) to which the columns belong.
 
     The root times m independent unit normals gives corrections with their prior covariance. The
-    mean pose is in the null space of the poses' relative covariance, and so does not move. The
-    poses (n, 3) also share a scale error, from the laser's ranges or the wheels. Without this term
-    the fit would take the poses' scale as exact, and measure the depth scale by it.
+    mean pose is in the null space of the relative covariance of the poses (n, 3), and so does not
+    move.
     """
     count = len(poses)
     pose_root = _root(registration.covariance, count)
-    drive = poses - poses.mean(axis=0)
-    drive[:, 2] = 0.0
-    is_laser = registration.source == "laser"
-    drive *= sensors.laser_range_scale_sigma if is_laser else registration.stretch_sigma
     size = ViewCorrections.COUNT
     own = np.zeros((count, size, _OWN * len(views)))
     tilt = np.deg2rad(sensors.view_tilt_sigma_deg) if camera is None else camera.view_tilt
@@ -138,11 +137,10 @@ def corrections_root(
         sigmas = {"scale": view.scale_sigma, "roll": tilt, "pitch": tilt, "pan": pan}
         for column, (name, sigma) in enumerate(sigmas.items()):
             own[view.index, ViewCorrections.place(name), _OWN * place + column] = sigma
-    moved = np.zeros((count, size, pose_root.shape[1] + 1))
-    moved[:, :3, :-1] = pose_root.reshape(count, 3, -1)
-    moved[:, :3, -1] = drive
+    moved = np.zeros((count, size, pose_root.shape[1]))
+    moved[:, :3] = pose_root.reshape(count, 3, -1)
     root = np.concatenate([moved, own], axis=2).reshape(size * count, -1)
-    sources = ["poses"] * pose_root.shape[1] + ["drive_scale"]
+    sources = ["poses"] * pose_root.shape[1]
     sources += ["depth", "tilt", "tilt", "tilt"] * len(views)
     kept = np.abs(root).max(axis=0) > 0
     return root[:, kept], tuple(s for s, keep in zip(sources, kept, strict=True) if keep)

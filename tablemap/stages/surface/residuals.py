@@ -89,7 +89,7 @@ def observe(state: State, evidence: Evidence, config: SurfaceConfig, noise: Nois
     """Place all edge points by a state's nuisances and measure them against its shape."""
     correction = ViewCorrections.unpack(evidence.prior_root @ state.whitened)
     common = CommonNuisances.unpack(state.common)
-    poses = evidence.poses + correction.poses
+    poses = evidence.poses + correction.poses + common.stretch * evidence.spread
     view = evidence.view
     cosine, sine = np.cos(poses[:, 2])[view], np.sin(poses[:, 2])[view]
     scale = (common.scale + correction.scale)[view]
@@ -173,6 +173,7 @@ def linearise(
         set_back=np.where(evidence.is_near, 0.0, seen.facing),
         slope_x=by_slope[0],
         slope_y=by_slope[1],
+        stretch=np.einsum("ij,ij->i", normal, evidence.spread[evidence.view, :2]),
     )
     by_view = ViewCorrections.stack(
         x=normal[:, 0],

@@ -92,7 +92,7 @@ def test_legs_tell_how_much_stereo_widens_far_edges() -> None:
     """Far edges 1 px outside: the legs, as much wider, take the error out of every dimension."""
     far_bias = 1.0 / SENSORS.edge_sigma_px
     bench = replace(Bench(), far_bias=far_bias, bias_sigma=0.0)
-    wide = Mounting(np.zeros((3, 3)), np.zeros(3), 1.0, widening=(1.0, 0.1))
+    wide = Mounting(np.zeros((4, 4)), np.zeros(4), 1.0, widening=(1.0, 0.1))
     unclear = replace(wide, widening=(0.3, 0.15))
     for seed in range(3):
         outline, registration = observe(TABLES["rectangle"], bench, np.random.default_rng(seed))
@@ -119,8 +119,8 @@ def test_legs_tell_how_much_stereo_widens_far_edges() -> None:
 def test_a_fit_with_other_priors_may_start_from_the_first(name: str) -> None:
     """It ends where a fit from scratch does, to a tenth of a sigma, and weighs the same shapes."""
     outline, registration = observe(TABLES[name], Bench(), np.random.default_rng(5))
-    tight = np.diag([1.0, 1.0, 1.0]) / np.square([0.0005, 0.0005, np.radians(0.02)])
-    mounting = Mounting(tight, np.zeros(3), 1.0)
+    tight = np.diag(np.array([0.0005, 0.0005, np.radians(0.02), 0.01]) ** -2.0)
+    mounting = Mounting(tight, np.zeros(4), 1.0)
     alone = fit_surface(outline, registration, config=SurfaceConfig(), sensors=SENSORS, seed=0)
     scratch, again = (
         fit_surface(
