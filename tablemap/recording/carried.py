@@ -10,6 +10,8 @@ from tablemap.recording.raw import Source
 
 TOPIC, SCHEMA = "/tablemap/converted", "tablemap.Converted"
 
+_MOST_BYTES = 2**20
+
 
 def carried_warnings(source: Source) -> list[ProcessWarning]:
     """Return the warnings about the original of a converted recording; none for others."""
@@ -17,9 +19,11 @@ def carried_warnings(source: Source) -> list[ProcessWarning]:
     found: list[ProcessWarning] = []
     for message in source.messages(channels) if channels else ():
         try:
+            if len(message.data) > _MOST_BYTES:
+                raise ValueError("no copy says so much")
             said: Any = json.loads(bytes(message.data))
             found += [_warning(**each) for each in said["warnings"]]
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, LookupError, TypeError, OverflowError, RecursionError):
             words = "The warnings from before the conversion cannot be read."
             found.append(ProcessWarning("recording.damaged", "recording", words))
     return found

@@ -12,6 +12,9 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from tablemap.config import TopicsConfig
 from tablemap.errors import RecordingError
 from tablemap.recording import convert, inspect, open_recording
+from tablemap.recording.carried import carried_warnings
+from tablemap.recording.sources import open_source
+from tests.making import hostile
 from tests.making import messages as w
 from tests.making.command import tablemap
 from tests.making.drives import check_drive, copy_to_bag, copy_to_bag2, seconds
@@ -128,3 +131,33 @@ def test_command_prints_what_was_written(tmp_path: Path, source: Path) -> None:
     assert document["output"] == str(output)
     assert document["size_bytes"] == output.stat().st_size
     assert document["topics"]["/tf"] == 51
+
+
+def claimed(**changed: object) -> bytes:
+    """Return what a copy says of its original, in part changed."""
+    usual = {"code": "legs.no_laser", "stage": "", "message": "x", "stamp_ns": None}
+    return json.dumps({"warnings": [usual | changed]}).encode()
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        b"[" * 100_000,
+        b'{"warnings": [{}]}',
+        b'{"warnings": [[]]}',
+        b'{"warnings": ' + b"9" * 5000 + b"}",
+        b" " * 2**21 + b'{"warnings": []}',
+        b"\xff",
+        b"null",
+        claimed(code=[]),
+        claimed(stamp_ns=float("inf")),
+        claimed(message=1),
+    ],
+    ids=range(10),
+)
+def test_what_is_said_of_an_original_may_be_anything(tmp_path: Path, said: bytes) -> None:
+    """A file that claims to be a copy is read as others are, and the damage is said."""
+    path = tmp_path / "copy.mcap"
+    hostile.one_topic(path, "tablemap.Converted", "jsonschema", b"{}", "json", said)
+    (warning,) = carried_warnings(open_source(path, warnings=[]))
+    assert "before the conversion cannot be read" in warning.message

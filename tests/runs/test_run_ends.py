@@ -274,6 +274,15 @@ MOMENTS = (0.3, 1.0, 2.0, 3.0, 4.5, 6.0, 8.0, 10.0)
 NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL)
 
 
+def hear_all() -> None:
+    """Let a program that is begun hear every signal, also where the tests were told to ignore some.
+
+    Whatever is begun by nohup, or by a shell in the background, hands on what it ignores.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+
+
 def manifests(output: Path) -> list[dict[str, object]]:
     """Return the manifests of all runs."""
     return [json.loads(file.read_text()) for file in output.glob("*/*/manifest.json")]
@@ -298,6 +307,7 @@ def test_signals_at_any_moment_are_said(
             stderr=subprocess.PIPE,
             text=True,
             start_new_session=True,
+            preexec_fn=hear_all,
         )
         time.sleep(moment)
         if number in (signal.SIGINT, signal.SIGHUP):  # a terminal tells all that run in it
