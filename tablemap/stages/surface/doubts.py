@@ -1,0 +1,133 @@
+"""Warnings of the surface stage: what speaks against the chosen shape or its figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tablemap.config import SurfaceConfig
+from tablemap.errors import ProcessWarning
+from tablemap.stages.surface.candidates import Candidate
+from tablemap.stages.surface.choice import contradicting_cells
+from tablemap.stages.surface.evidence import Evidence
+from tablemap.stages.surface.inner import inner_edges
+from tablemap.stages.surface.result import FittedFigure, Primitive, SurfaceEdge
+from tablemap.stages.surface.shapes.shape import signed_distance
+from tablemap.stages.surface.shapes.sides import INFERRED, MEASURED, UNSEEN
+from tablemap.stages.surface.shapes.straight import Sided
+
+
+def doubts(
+    chosen: Candidate,
+    primitives: list[Primitive],
+    edges: tuple[SurfaceEdge, ...],
+    figures: dict[str, FittedFigure],
+    evidence: Evidence,
+    config: SurfaceConfig,
+) -> list[ProcessWarning]:
+    """Return the doubts about the chosen shape, its sides and its figures."""
+    found: list[tuple[str, str]] = []
+    if chosen.is_hull:
+        found.append(
+            (
+                "accuracy.no_primitive",
+                "No shape fits the edge of the top; the outline is the hull of the seen top.",
+            )
+        )
+    best = primitives[0]
+    for other in primitives[1:]:
+        differs = np.abs(signed_distance(other.outline, best.outline)).max()
+        if other.score > config.ambiguous_score and other.shape != best.shape and differs > 0.003:
+            found.append(
+                (
+                    "accuracy.shape_ambiguous",
+                    f"The top is called a {best.shape} (weight {best.score:.2f}), and a "
+                    f"{other.shape} (weight {other.score:.2f}) explains its edge nearly as well.",
+                )
+            )
+    found += _partly_seen(chosen, edges, figures, config)
+    if len(evidence.views) < 3:
+        found.append(
+            ("accuracy.few_views", f"Only {len(evidence.views)} views saw the edge of the top.")
+        )
+    scatter = max(chosen.fit.noise.near, chosen.fit.noise.far)
+    if scatter > 3:
+        found.append(
+            (
+                "accuracy.poor_fit",
+                f"Edge points scatter {scatter:.1f} times as far about the outline "
+                "as their sigmas say.",
+            )
+        )
+    cells = contradicting_cells(chosen.fit.shape.outline(), evidence, config)
+    if cells * evidence.cell**2 > 0.02:
+        found.append(
+            (
+                "accuracy.votes_contradict",
+                f"{cells * evidence.cell**2:.3f} square metres contradict the outline: top was "
+                "seen outside it, or free space inside it.",
+            )
+        )
+    for edge in inner_edges(chosen.fit.points, chosen.fit.shape.outline(), config)[:1]:
+        found.append(
+            (
+                "accuracy.inner_edge",
+                f"{edge.points} edge points form an edge of {edge.length:.2f} m in the outline; "
+                "another surface of this height may touch the table.",
+            )
+        )
+    return [ProcessWarning(code, "surface", message) for code, message in found]
+
+
+def _partly_seen(
+    chosen: Candidate,
+    edges: tuple[SurfaceEdge, ...],
+    figures: dict[str, FittedFigure],
+    config: SurfaceConfig,
+) -> list[tuple[str, str]]:
+    """Warn of sides that were not seen, or only in part; doubt the figures that depend on them."""
+    if not isinstance(chosen.fit.shape, Sided) or chosen.is_hull:
+        if all(figure.status == MEASURED for figure in figures.values()):
+            return []
+        sigmas = [figure.sigma for figure in figures.values()]
+        share = float(np.mean([edge.seen_fraction for edge in edges]))
+        message = f"Only {100 * share:.0f} % of the top's edge was seen."
+        return [(_partly_code(sigmas, config), message)]
+    found = []
+    unseen = [k for k, edge in enumerate(edges) if edge.status == UNSEEN]
+    if unseen:
+        found.append(
+            (
+                "accuracy.unseen_side",
+                _sides_of(edges, unseen) + " was not seen and is only bounded.",
+            )
+        )
+    partly = [k for k, edge in enumerate(edges) if edge.status == INFERRED]
+    if partly:
+        sigmas = [_end_sigma(chosen, k) for k in partly]
+        message = _sides_of(edges, partly) + " was seen only in part."
+        found.append((_partly_code(sigmas, config), message))
+    return found
+
+
+def _partly_code(sigmas: Sequence[float | None], config: SurfaceConfig) -> str:
+    held = all(sigma is not None and sigma < config.held_sigma for sigma in sigmas)
+    return "surface.inferred_side" if held else "accuracy.inferred_side"
+
+
+def _end_sigma(chosen: Candidate, side: int) -> float:
+    """Return the standard deviation across a straight side at its less certain end, metres."""
+    shape, covariance = chosen.fit.shape, chosen.spread.covariance
+    piece = shape.pieces()[side]
+    along = piece[1] - piece[0]
+    outward = np.array([along[1], -along[0]]) / max(float(np.linalg.norm(along)), 1e-9)
+    rows = shape.measure(piece, np.tile(outward, (2, 1))).jacobian
+    return float(np.sqrt(np.einsum("ij,jk,ik->i", rows, covariance, rows).max()))
+
+
+def _sides_of(edges: tuple[SurfaceEdge, ...], chosen: list[int]) -> str:
+    named = ", ".join(
+        f"{np.linalg.norm(edges[k].points[1] - edges[k].points[0]):.2f} m" for k in chosen
+    )
+    return f"{len(chosen)} of {len(edges)} sides ({named})"
