@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: setup demo test test-slow lint bench clean
+.PHONY: setup demo test test-slow lint bench bench-slow clean
 
 setup: $(VENV)/.ready
 
@@ -26,7 +26,7 @@ test: setup
 	@$(BIN)/python -m pytest -q -n 2 --dist loadfile -m "not slow" --ignore tests/benchmarks
 
 test-slow: setup
-	@$(BIN)/python -m pytest -q -n 2 --dist loadfile -m slow
+	@$(BIN)/python -m pytest -q -n 2 --dist loadfile -m slow --ignore tests/benchmarks
 
 lint: setup
 	@$(BIN)/ruff format --check .
@@ -35,7 +35,10 @@ lint: setup
 	@$(BIN)/lint-imports --no-logo
 
 bench: setup
-	@$(BIN)/python -m pytest -q tests/benchmarks --benchmark-only
+	@$(BIN)/python -m pytest -q tests/benchmarks --benchmark-only -m "not slow"
+
+bench-slow: setup
+	@$(BIN)/python -m pytest -q tests/benchmarks --benchmark-only -m slow
 
 clean:
 	rm -rf $(VENV) build *.egg-info .mypy_cache .ruff_cache .pytest_cache

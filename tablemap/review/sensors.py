@@ -56,27 +56,20 @@ def log_recording(stream: Stream, recording: Recording) -> None:
 
 def _log_frames(stream: Stream, recording: Recording, stamps_ns: Ints) -> None:
     names = recording.names
-    bases: list[Floats] = []
-    odoms: list[Floats] = []
-    kept: list[int] = []
-    for stamp in stamps_ns.tolist():
-        fixed_from_base = recording.fixed_from_base(stamp)
-        odom_from_base = recording.odom_from_base(stamp) if names.odom else None
-        if fixed_from_base is None or (names.odom and odom_from_base is None):
-            continue
-        kept.append(stamp)
-        bases.append(fixed_from_base)
-        if odom_from_base is not None:
-            odoms.append(odom_from_base)
-    if not kept:
+    bases, known = recording.fixed_from_bases(stamps_ns)
+    odoms, rolled = recording.odom_from_bases(stamps_ns)
+    if names.odom:
+        known = known & rolled
+    if not known.any():
         return
-    times = sensor_times(kept)
+    times = sensor_times(stamps_ns[known].tolist())
+    bases, odoms = bases[known], odoms[known]
     if names.odom and names.odom != names.fixed:
-        corrections = [base @ invert(odom) for base, odom in zip(bases, odoms, strict=True)]
-        stream.transforms("tf/odom", names.fixed, names.odom, times, np.stack(corrections))
-        stream.transforms("tf/base", names.odom, names.base, times, np.stack(odoms))
+        corrections = bases @ np.array([invert(odom) for odom in odoms])
+        stream.transforms("tf/odom", names.fixed, names.odom, times, corrections)
+        stream.transforms("tf/base", names.odom, names.base, times, odoms)
     else:
-        stream.transforms("tf/base", names.fixed, names.base, times, np.stack(bases))
+        stream.transforms("tf/base", names.fixed, names.base, times, bases)
 
 
 def log_snapshots(stream: Stream, taken: Snapshots) -> None:

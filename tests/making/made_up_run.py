@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import MISSING, fields, replace
 from typing import Any, TypeVar, get_origin, get_type_hints
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tablemap import model as m
 from tablemap import pipeline
 from tablemap.errors import ProcessWarning
 from tablemap.events import OfTable, OtherTable, StageFinished, StageStarted
-from tablemap.geometry import Floats, Ints, Pose2
+from tablemap.geometry import Bools, Floats, Ints, Pose2
 from tablemap.inputs import Input
 from tablemap.recording import DepthFrame, FrameNames, Recording
 from tablemap.recording.messages import CompressedImage, Image, LaserScan
@@ -112,6 +112,13 @@ def render(map_from_base: Pose2) -> tuple[NDArray[np.float32], NDArray[np.uint8]
     return depth.astype(np.float32), labels.astype(np.uint8)
 
 
+def each(pose_at: Callable[[int], Floats | None], stamps_ns: ArrayLike) -> tuple[Floats, Bools]:
+    """Return the poses (n, 4, 4) at stamps (n,), and which of them are known."""
+    poses = [pose_at(int(stamp)) for stamp in np.asarray(stamps_ns)]
+    known = np.array([pose is not None for pose in poses], dtype=bool)
+    return np.array([np.eye(4) if p is None else p for p in poses]).reshape(-1, 4, 4), known
+
+
 class MadeUpRecording(Recording):
     """A recording that answers from the truth, its localisation a few centimetres off."""
 
@@ -177,6 +184,14 @@ class MadeUpRecording(Recording):
         """See `Recording`."""
         origin = true_pose(0, self.stops).inverse()
         return self._between(stamp_ns, lambda i: origin @ true_pose(i, self.stops))
+
+    def fixed_from_bases(self, stamps_ns: ArrayLike) -> tuple[Floats, Bools]:
+        """See `Recording`."""
+        return each(self.fixed_from_base, stamps_ns)
+
+    def odom_from_bases(self, stamps_ns: ArrayLike) -> tuple[Floats, Bools]:
+        """See `Recording`."""
+        return each(self.odom_from_base, stamps_ns)
 
     def pose_stamps(self) -> Ints:
         """See `Recording`."""
@@ -565,6 +580,7 @@ def _surface(poses: tuple[Pose2, ...], rng: np.random.Generator) -> Surface:
         "rectangle",
         TABLE,
         np.diag([1e-6, 2e-6, 1e-6]),
+        np.diag([1e-6, 1e-6, 1e-6]),
         FittedFigure(HEIGHT, 0.001),
         None,
         dimensions,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 
@@ -19,19 +19,13 @@ from tablemap.recording import DepthFrame, FrameNames, Recording
 from tablemap.recording.messages import CompressedImage, Image
 from tablemap.stages.snapshots import Snapshot, take_snapshots
 from tablemap.stages.snapshots.combining import combine
+from tests.making.made_up_run import each
 from tests.making.round_trips import CAMERA, MESSAGE, mounting, round_trip
 
 CONFIG = SnapshotsConfig()
 SENSORS = SensorsConfig()
 SECOND = 1_000_000_000
 K = np.array([[CAMERA.fx, 0, CAMERA.cx], [0, CAMERA.fy, CAMERA.cy], [0, 0, 1.0]])
-
-
-def each(pose_at: Callable[[int], Floats | None], stamps_ns: ArrayLike) -> tuple[Floats, Bools]:
-    """Return the poses (n, 4, 4) at stamps (n,), and which of them are known."""
-    poses = [pose_at(int(stamp)) for stamp in np.asarray(stamps_ns)]
-    known = np.array([pose is not None for pose in poses], dtype=bool)
-    return np.array([np.eye(4) if p is None else p for p in poses]).reshape(-1, 4, 4), known
 
 
 class Drive(Recording):
