@@ -220,7 +220,7 @@ def main() -> None:
         folders[0].mkdir(parents=True, exist_ok=True)
         for place, data in enumerate(inputs):
             (folders[0] / f"seed{place:03d}").write_bytes(data)
-    limits = ["-rss_limit_mb=2048", "-timeout=10", f"-max_len={MOST_SEED_BYTES}"]
+    limits = ["-rss_limit_mb=2048", "-timeout=60", f"-max_len={MOST_SEED_BYTES}"]
     atheris.Setup([sys.argv[0], *limits, *sys.argv[1:]], one_input)
     atheris.Fuzz()
 
