@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import chain
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from tablemap.recording import Recording, open_recording
 from tablemap.recording import inspect as read_info
 from tablemap.recording.info import RecordingInfo, RoleFitness
 from tablemap.stages.snapshots import Viewpoint, find_viewpoints
-from tablemap.words import count
+from tablemap.words import counted
 
 FEW_IMAGES = 8
 LEAST_MEASURED = 0.5
@@ -31,8 +32,6 @@ COARSE_STEP = 0.025
 NEAR = 2.5
 LONGEST_GAP, MOVED = 1.0, 0.05
 """Seconds without a pose, in which the base moved so many metres: how, is a guess."""
-LARGEST_LAG = 0.5
-"""Seconds between the lags of two topics: slow drivers reach a third of that."""
 LEAST_STOPS = 5
 WIDEST_ANGLE = 100.0
 """Degrees round the table without a view; neighbouring views then share no side."""
@@ -96,7 +95,7 @@ def _depth(recording: Recording, viewpoints: list[Viewpoint]) -> RoleFitness:
     """Judge which part of the images is measured, and in which steps."""
     middles = np.array([each.stamps_ns[len(each.stamps_ns) // 2] for each in viewpoints])
     frames = list(recording.depth_frames(_few(middles)))
-    images = count(len(recording.depth_stamps()), "image")
+    images = counted(len(recording.depth_stamps()), "image")
     if not frames:
         return RoleFitness("depth", "missing", f"{images}, and none of {len(middles)} decoded")
     measured = float(np.median([np.isfinite(frame.depth).mean() for frame in frames]))
@@ -130,7 +129,7 @@ def _localisation(recording: Recording) -> RoleFitness:
     """Judge which of the images have a pose, and how long there was none while it was needed."""
     stamps = recording.depth_stamps()
     known = recording.fixed_from_bases(stamps)[1]
-    placed = f"{int(known.sum())} of {count(len(stamps), 'depth image')} placed"
+    placed = f"{int(known.sum())} of {counted(len(stamps), 'depth image')} placed"
     gap = _longest_gap(recording)
     says = f"{recording.names.base} in {recording.names.fixed}, {placed}"
     if not known.all():
@@ -163,7 +162,7 @@ def _stops(recording: Recording, kind: str, viewpoints: list[Viewpoint]) -> Role
     mounts, mounted = recording.base_from_cameras(stamps)
     gap = _widest_gap(bases @ mounts, placed & mounted)
     named = "stop" if kind == "stops" else "view"
-    says = count(len(viewpoints), named)
+    says = counted(len(viewpoints), named)
     if kind != "stops":
         says += " of a drive that never stood still"
     if gap is not None:
@@ -204,7 +203,7 @@ def _laser(recording: Recording, viewpoints: list[Viewpoint]) -> RoleFitness:
     stamps = recording.scan_stamps()
     scans = list(recording.scans(stamps_ns=_few(stamps)))
     if not scans:
-        return RoleFitness("laser", "missing", f"{count(len(stamps), 'scan')}, and none decoded")
+        return RoleFitness("laser", "missing", f"{counted(len(stamps), 'scan')}, and none decoded")
     angle = float(np.median([np.degrees(np.ptp(scan.angles)) for scan in scans]))
     returns = float(
         np.median(
@@ -218,9 +217,9 @@ def _laser(recording: Recording, viewpoints: list[Viewpoint]) -> RoleFitness:
         not np.any((stamps >= each.start_ns - 10**8) & (stamps <= each.end_ns + 10**8))
         for each in viewpoints
     )
-    says = f"{count(len(stamps), 'scan')} of {angle:.0f} degrees, {returns:.0%} of beams return"
+    says = f"{counted(len(stamps), 'scan')} of {angle:.0f} degrees, {returns:.0%} of beams return"
     if without:
-        return RoleFitness("laser", "weak", f"{says}; {count(without, 'view')} without a scan")
+        return RoleFitness("laser", "weak", f"{says}; {counted(without, 'view')} without a scan")
     if angle < LEAST_LASER_ANGLE:
         return RoleFitness("laser", "weak", f"{says}; a wider view places the stops better")
     if returns < LEAST_RETURNS:
@@ -234,22 +233,19 @@ def _odometry(recording: Recording) -> RoleFitness:
         return RoleFitness("odometry", "missing", "without wheels, all rests on the other sensors")
     stamps = recording.depth_stamps()
     known = recording.odom_from_bases(stamps)[1]
-    says = f"{names.base} in {names.odom}, {int(known.sum())} of {count(len(stamps), 'image')}"
+    says = f"{names.base} in {names.odom}, {int(known.sum())} of {counted(len(stamps), 'image')}"
     return RoleFitness("odometry", "fine" if known.all() else "weak", says)
 
 
 def _clocks(recording: Recording) -> RoleFitness:
-    """Judge by how much the topics' stamps lag behind their recording, one against another."""
-    lags = recording.lags()
-    says = ", ".join(f"{name} {lag:.2f} s" for name, lag in lags.items())
-    apart = max(lags.values()) - min(lags.values())
-    if apart > LARGEST_LAG:
-        return RoleFitness(
-            "clocks",
-            "weak",
-            f"stamps are {apart:.2f} s apart: from stamp to log {says}; synchronise the computers",
-        )
-    return RoleFitness("clocks", "fine", f"from stamp to log {says}")
+    """Tell how long after their stamps messages were logged, and what that says of the clocks."""
+    codes: dict[str, Literal["weak", "fine"]] = {"accuracy.clock": "weak", "recording.clock": "fine"}
+    for code, state in codes.items():
+        said = [each.message for each in recording.warnings if each.code == code]
+        if said:
+            return RoleFitness("clocks", state, " ".join(said))
+    lags = ", ".join(f"{name} {1000 * lag:.0f} ms" for name, lag in recording.lags().items())
+    return RoleFitness("clocks", "fine", f"logged after their stamps: {lags}")
 
 
 def _few(stamps_ns: Ints) -> Ints:

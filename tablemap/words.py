@@ -43,7 +43,7 @@ def shown_lines(text: object) -> str:
     return "\n".join(map(shown, str(text).split("\n")))
 
 
-def count(number: int, thing: str, things: str | None = None) -> str:
+def counted(number: int, thing: str, things: str | None = None) -> str:
     """Return a number with what it counts: ``1 view``, ``2 views``; ``things``: the plural."""
     return f"{number} {thing if number == 1 else things or thing + 's'}"
 

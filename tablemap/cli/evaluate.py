@@ -12,7 +12,8 @@ import typer
 
 from tablemap.cli import completing
 from tablemap.cli.options import ConfigFile, Json, Settings
-from tablemap.cli.printing import say, stderr_console
+from tablemap.cli.printing import aligned, say, stderr_console
+from tablemap.words import shown
 
 if TYPE_CHECKING:
     from tablemap.evaluation.aggregate import RunScore
@@ -35,11 +36,16 @@ def evaluate(
         typer.Option(
             "--suite",
             help="report, hard, real_sensors, all, or one scenario's name.",
+            metavar="NAME",
             autocompletion=completing.suites,
         ),
     ] = "report",
-    seeds: Annotated[int, typer.Option("--seeds", min=1, help="Seeds a scenario.")] = 3,
-    first_seed: Annotated[int, typer.Option("--first-seed", min=0, help="The first seed.")] = 0,
+    seeds: Annotated[
+        int, typer.Option("--seeds", min=1, help="Seeds a scenario.", metavar="N")
+    ] = 3,
+    first_seed: Annotated[
+        int, typer.Option("--first-seed", min=0, help="The first seed.", metavar="N")
+    ] = 0,
     nominal: Annotated[
         bool, typer.Option("--nominal", help="Keep the scenarios' sizes; draw the rest.")
     ] = False,
@@ -48,9 +54,17 @@ def evaluate(
         typer.Option("--method", help="Which to score.", case_sensitive=False),
     ] = "both",
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="Folder of the scores.", metavar="DIR")
-    ] = Path("scores"),
-    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, help="Processes at once.")] = 2,
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Folder of the scores; else scores, of run folders none.",
+            metavar="DIR",
+        ),
+    ] = None,
+    jobs: Annotated[
+        int, typer.Option("--jobs", "-j", min=1, help="Processes at once.", metavar="N")
+    ] = 2,
     tables: Annotated[
         bool, typer.Option("--tables", help="Print the report's tables: published, its, ours.")
     ] = False,
@@ -61,7 +75,12 @@ def evaluate(
     """Score models against the truth: run folders, recordings, or a suite of scenarios."""
     from tablemap.config import load_config
     from tablemap.evaluation import suite as suites
-    from tablemap.evaluation.tables import markdown, report_tables, score_rows
+    from tablemap.evaluation.tables import (
+        markdown,
+        report_tables,
+        run_rows,
+        score_rows,
+    )
 
     resolved = load_config(config, overrides=settings or ())
     methods = suites.METHODS if method == "both" else (method,)
@@ -69,6 +88,10 @@ def evaluate(
     if runs:
         if len(runs) != len(paths or []):
             raise typer.BadParameter("give run folders or recordings, not both.")
+        if truth and len(runs) > 1:
+            raise typer.BadParameter("--truth is of one run's recording; give that run alone.")
+        if tables:
+            raise typer.BadParameter("--tables are of a suite, not of run folders.")
         scored = [suites.score_run(run, truth) for run in runs]
         evaluation = suites.Evaluation("runs", (), tuple(scored))
     else:
@@ -81,6 +104,7 @@ def evaluate(
             methods=methods,
             nominal=nominal or tables,
         )
+        output = output or Path("scores")
         with _cases(len(cases) * len(methods)) as progress:
             scored = suites.evaluate(
                 cases, config=resolved, output=output, jobs=jobs, progress=progress
@@ -88,6 +112,7 @@ def evaluate(
         name = "recordings" if paths else suite
         used = () if paths else tuple(range(first_seed, first_seed + seeds))
         evaluation = suites.Evaluation(name, used, tuple(scored))
+    if output:
         suites.save(evaluation, output)
         say(f"scores in {output}", err=True)
     if as_json:
@@ -95,6 +120,8 @@ def evaluate(
     elif tables:
         for title, rows in report_tables(evaluation.runs).items():
             say(f"{title}\n\n{markdown(rows)}")
+    elif len(scored) == 1 and scored[0].score:
+        say("\n\n".join(map(aligned, run_rows(scored[0], scored[0].score))))
     else:
         say(markdown(score_rows(evaluation.figures())))
 
@@ -118,6 +145,7 @@ def _cases(total: int) -> Iterator[Callable[[RunScore], None]]:
         def progress(run: RunScore) -> None:
             bar.advance(task)
             if run.error:
-                console.print(f"{run.scenario} {run.seed} {run.method} failed: {run.error}")
+                said = shown(f"{run.scenario} {run.seed} {run.method} failed: {run.error}")
+                console.print(said, soft_wrap=True)
 
         yield progress

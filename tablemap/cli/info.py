@@ -11,7 +11,7 @@ import typer
 from tablemap.cli import completing
 from tablemap.cli.options import End, Json, Start, window
 from tablemap.cli.printing import say
-from tablemap.words import shown
+from tablemap.words import counted, shown
 
 if TYPE_CHECKING:
     from tablemap.recording import RecordingInfo
@@ -54,7 +54,7 @@ def _info_lines(found: RecordingInfo) -> Iterator[str]:
 
     start = datetime.fromtimestamp(found.start_ns / 1e9, UTC)
     megabytes = found.size_bytes / 1e6
-    yield f"{found.path}: {megabytes:.1f} MB, {found.messages} messages, {found.profile}"
+    yield f"{found.path}: {megabytes:.1f} MB, {counted(found.messages, 'message')}, {found.profile}"
     yield f"{start:%Y-%m-%d %H:%M:%S} UTC, {found.duration_s:.1f} s"
     yield ""
     yield "topics"

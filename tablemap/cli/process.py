@@ -79,7 +79,7 @@ def process(
         ),
     ] = None,
     jobs: Annotated[
-        int, typer.Option("--jobs", "-j", min=1, help="Recordings processed at once.")
+        int, typer.Option("--jobs", "-j", min=1, help="Recordings processed at once.", metavar="N")
     ] = 1,
     scheduler: Annotated[
         str | None,

@@ -10,7 +10,7 @@ import typer
 
 from tablemap.cli import completing
 from tablemap.cli.options import Json
-from tablemap.cli.printing import say
+from tablemap.cli.printing import aligned, say
 
 
 def simulate(
@@ -25,7 +25,9 @@ def simulate(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="The MCAP to write.", metavar="FILE")
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Draws sizes, places, noise.")] = 0,
+    seed: Annotated[
+        int, typer.Option("--seed", min=0, help="Draws sizes, places, noise.", metavar="N")
+    ] = 0,
     nominal: Annotated[
         bool, typer.Option("--nominal", help="Keep the scenario's sizes; draw the rest.")
     ] = False,
@@ -38,10 +40,16 @@ def simulate(
 ) -> None:
     """Write a recording of a simulated table, and NAME.truth.json beside it."""
     if listing:
-        from tablemap.simulation import scenario_names
+        from tablemap.simulation import load_scenario, scenario_names
 
-        names = scenario_names()
-        say(json.dumps(list(names)) if as_json else "\n".join(names))
+        known = [load_scenario(name) for name in scenario_names()]
+        if as_json:
+            keys = {"name", "description", "suites"}
+            say(
+                json.dumps([each.model_dump(mode="json", include=keys) for each in known], indent=1)
+            )
+        else:
+            say(aligned((each.name, each.description) for each in known))
         return
     if not scenario or output is None:
         raise typer.BadParameter("give a SCENARIO and --output FILE, or --list.")

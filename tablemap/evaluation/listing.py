@@ -31,7 +31,7 @@ def figures_csv(runs: Sequence[RunScore]) -> str:
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(COLUMNS)
     for run in runs:
-        for name, error in _figures(run):
+        for name, error in named_figures(run):
             written = (
                 name,
                 f"{error.size:.6f}",
@@ -46,7 +46,8 @@ def figures_csv(runs: Sequence[RunScore]) -> str:
     return stream.getvalue()
 
 
-def _figures(run: RunScore) -> Iterator[tuple[str, Error]]:
+def named_figures(run: RunScore) -> Iterator[tuple[str, Error]]:
+    """Yield every figure of a run with its name; none of a run that failed."""
     score = run.score
     if score is None:
         return

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from tablemap import palette
-from tablemap.evaluation.aggregate import RunScore
+from tablemap.evaluation.aggregate import RunScore, summarise
+from tablemap.evaluation.listing import named_figures
+from tablemap.evaluation.metrics import Error, Score
 from tablemap.evaluation.published import PUBLISHED
-from tablemap.model.shapes import CIRCLE, PARALLELOGRAM, SHAPES
+from tablemap.model.shapes import CIRCLE, PARALLELOGRAM, SHAPES, is_angle
 from tablemap.words import escape
 
 Rows = list[list[str]]
@@ -56,6 +58,52 @@ def score_rows(figures: Mapping[str, Any]) -> Rows:
                 rows.append(_row(f"**{suite}**", method, group["suites"][suite]))
     rows.extend(_row("**overall**", method, group["overall"]) for method, group in methods.items())
     return rows
+
+
+def run_rows(run: RunScore, score: Score) -> tuple[Rows, Rows]:
+    """Return a header and one row a figure of a single run; and what is counted or remarked."""
+    rows = [["", "truth", "model", "error", "sigma", "in 95 %", "status"]]
+    right = "right" if run.right_shape else "wrong"
+    rows.append(["shape", score.true_shape, score.shape, right, "", "", ""])
+    for name, figure in named_figures(run):
+        if is_angle(name):
+            size, model = (f"{np.degrees(x):.2f} deg" for x in _sizes(figure))
+            error, sigma = f"{np.degrees(figure.error):+.2f} deg", figure.sigma
+            stated = "" if sigma is None else f"{np.degrees(sigma):.2f} deg"
+        else:
+            size, model = (f"{x:.4f} m" for x in _sizes(figure))
+            error, sigma = f"{1000 * figure.error:+.1f} mm", figure.sigma
+            stated = "" if sigma is None else f"{1000 * sigma:.1f} mm"
+        if name.endswith("place"):  # a distance from where the leg truly stands
+            size = model = ""
+        held = "" if figure.covered is None else "yes" if figure.covered else "no"
+        rows.append([name, size, model, error, stated, held, figure.status])
+    f: Mapping[str, Any] = summarise([run])
+    return rows, [
+        ["poses", f"{_spread(f['pose_mm'])} mm, {_spread(f['pose_deg'], 3)} deg"],
+        ["outline", f"{_figure(f['outline_mm']['worst'])} mm, IoU {_figure(f['iou'], 3)}"],
+        ["legs", _legs(score)],
+        ["views", _views(score)],
+        ["remark", _remark(run) or "none"],
+    ]
+
+
+def _sizes(figure: Error) -> tuple[float, float]:
+    return figure.size, figure.size + figure.error
+
+
+def _legs(score: Score) -> str:
+    legs = score.legs
+    if legs is None:
+        return "their truth is not known"
+    return f"{legs.found} found, {legs.missed} missed, {legs.invented} invented"
+
+
+def _views(score: Score) -> str:
+    views = score.views
+    if views is None:
+        return "which see the top is not known"
+    return f"{views.used} used of {views.seeing} that see the top"
 
 
 def _row(scenario: str, method: str, f: Mapping[str, Any]) -> list[str]:

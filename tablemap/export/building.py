@@ -15,6 +15,7 @@ from tablemap.export.solid import Box, Cylinder, Prism, Solid, SolidPart
 from tablemap.geometry import Floats, Pose2
 from tablemap.model import TableLeg, TableModel, TableSurface
 from tablemap.model.shapes import shape_named
+from tablemap.words import counted
 
 
 def build(
@@ -96,8 +97,8 @@ def _simple_ring(points: Floats) -> tuple[Floats, bool]:
         polygon = max(pieces, key=shapely.area)
     if polygon.area < 1e-6:
         raise TablemapError(
-            f"expected an outline that encloses the top, found {len(points)} points that enclose "
-            "nothing; nothing is exported."
+            f"expected an outline that encloses the top, found {counted(len(points), 'point')} and "
+            "no area; nothing is exported."
         )
     polygon = shapely.orient_polygons(shapely.remove_repeated_points(polygon, 1e-6))
     return np.array(polygon.exterior.coords, dtype=np.float64)[:-1], not valid

@@ -17,6 +17,7 @@ from tablemap.recording.rectification import (
     rectification,
     used_matrix,
 )
+from tablemap.words import counted
 
 SAME_SHARE = 0.005
 """Largest difference of equal focal lengths and principal points, as a share of the image."""
@@ -114,8 +115,8 @@ def valid_calibrations(
     sound = [info for i, info in enumerate(sound) if i == 0 or not is_same(info, sound[i - 1])]
     if len(sound) > 1:
         message = (
-            f"The calibration on {topic} changes {len(sound) - 1} times during the drive; each "
-            "image is taken with the one that was valid for it."
+            f"The calibration on {topic} changes {counted(len(sound) - 1, 'time')} during the "
+            "drive; each image is taken with the one that was valid for it."
         )
         said.append(ProcessWarning("recording.calibration", "recording", message))
     return Calibrations(topic, depth, tuple(sound)), said

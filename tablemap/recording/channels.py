@@ -26,6 +26,7 @@ from tablemap.recording.roles import Roles, implied_transforms
 from tablemap.recording.tf.collector import TransformCollector
 from tablemap.recording.tf.frames import Stamps
 from tablemap.recording.topics import Topic, decoders_of
+from tablemap.words import counted
 
 _BEHIND_STAMP = 12  # bytes, of ROS's messages that begin with a header
 _REORDERED = 16  # depth images held back to come out by their stamps
@@ -73,7 +74,6 @@ class Channels:
         self._offsets_ns: dict[str, int] = {}
         self.calibrations: list[CameraInfo] = []
         self.calibration_counts: list[int] = []
-        self._lags_ns: dict[str, list[int]] = {}
         self._survey()
 
     def of(self, topic: Topic | None) -> Stamped:
@@ -84,7 +84,7 @@ class Channels:
             others = self._others[topic.name]
             self._say(
                 "recording.topic_choice",
-                f"{len(others)} messages on {topic.name} were left out, as they are in another "
+                f"{counted(len(others), 'message')} on {topic.name} left out, for another "
                 f"frame ({', '.join(sorted(set(others))[:3])}): two sensors share the topic, and "
                 "the first is used.",
             )
@@ -94,16 +94,6 @@ class Channels:
     def shift(self, topic: Topic, offset_ns: int) -> None:
         """Add an offset to the stamps of a topic's messages, whose clock is off by so much."""
         self._offsets_ns[topic.name] = offset_ns
-
-    def lag(self, topic: Topic) -> float | None:
-        """Return the median seconds from a message's stamp to its log time; None if not known."""
-        stamped = self._stamped.get(topic.name)
-        lags = (
-            self._lags_ns.get(topic.name)
-            if stamped is None
-            else stamped.log_times_ns - stamped.stamps_ns
-        )
-        return None if lags is None or not len(lags) else float(np.median(lags)) / 1e9
 
     def in_order(
         self, topic: Topic, due: Stamped
@@ -191,9 +181,6 @@ class Channels:
                             namespace=topic.namespace,
                             log_ns=raw.log_time_ns,
                         )
-                    if message and not message[0].is_static:
-                        lag_ns = raw.log_time_ns - message[0].stamp_ns
-                        self._lags_ns.setdefault(topic.name, []).append(lag_ns)
                     continue
                 if decoder.kind == CALIBRATION:
                     self._take_calibration(decoder, raw, calibrated)

@@ -41,6 +41,7 @@ from tablemap.recording.tf.frame_roles import FrameNames, pose_stamps
 from tablemap.recording.tf.poses import PoseTrack
 from tablemap.recording.topics import Topic, decoders_of, list_topics
 from tablemap.recording.window import windowed
+from tablemap.words import counted
 
 _MOST_PLACES = 64  # places of a long recording at which transforms are read for the TF tree
 
@@ -243,7 +244,7 @@ def _described(message: Message | None) -> str:
         distorted = "distorted" if np.any(message.d) else "undistorted"
         return f"{message.width} x {message.height}, {distorted}, in {message.frame_id}"
     if isinstance(message, LaserScan):
-        return f"{len(message.ranges)} beams, in {message.frame_id}"
+        return f"{counted(len(message.ranges), 'beam')}, in {message.frame_id}"
     return ""
 
 

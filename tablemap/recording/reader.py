@@ -39,6 +39,7 @@ from tablemap.recording.tf.frame_roles import FrameNames, pose_stamps
 from tablemap.recording.topics import list_topics
 from tablemap.recording.unseen import Unseen, learnt, places_apart
 from tablemap.recording.window import windowed
+from tablemap.words import counted
 
 _COMPARED_IMAGES = 120  # of a camera whose clock may be off
 
@@ -238,7 +239,7 @@ class Recording(SensorStreams):
         self._say_once(
             "recording.silent_sensor",
             f"The laser on {self.roles.laser.name} was not used: none of its "
-            f"{len(self.scan_stamps())} scans has returns within its own range.",
+            f"{counted(len(self.scan_stamps()), 'scan')} has returns within its own range.",
         )
         return replace(self.names, laser=None)
 

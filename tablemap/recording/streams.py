@@ -25,9 +25,11 @@ from tablemap.recording.messages import (
 from tablemap.recording.rectification import Rectification
 from tablemap.recording.robot_poses import RobotPoses
 from tablemap.recording.roles import Roles
+from tablemap.recording.sensor_clocks import tf_lags
 from tablemap.recording.silence import sweep_that_can_be
 from tablemap.recording.tf.frames import Stamps
 from tablemap.recording.unseen import Unseen
+from tablemap.words import counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,13 +91,17 @@ class SensorStreams(RobotPoses):
         return self._calibrations.infos[0]
 
     def lags(self) -> dict[str, float]:
-        """Return by topic the median time from a message's stamp to its recording, seconds.
+        """Return by source the median time from a message's stamp to its recording, seconds.
 
-        All topics of a computer whose clock is off have another lag.
+        The sources are ``depth``, ``laser`` and ``tf``. Where a clock is off, its
+        sources have another lag than the others.
         """
-        roles = (self.roles.depth, self.roles.laser, *self.roles.transforms)
-        lags = {topic.name: self._channels.lag(topic) for topic in roles if topic is not None}
-        return {name: lag for name, lag in lags.items() if lag is not None}
+        known = {
+            "depth": self._depth.lags_s(),
+            "laser": self._laser.lags_s(),
+            "tf": tf_lags(self.tree, self.names, self._channels.collector),
+        }
+        return {name: float(np.median(lags)) for name, lags in known.items() if len(lags)}
 
     # Images and scans.
 
@@ -137,13 +143,14 @@ class SensorStreams(RobotPoses):
         if unfit:
             self._say_once(
                 "recording.calibration",
-                f"{len(unfit)} of {len(due.stamps_ns)} depth images were left out: {unfit[0]}",
+                f"{len(unfit)} of {counted(len(due.stamps_ns), 'depth image')} left out: "
+                f"{unfit[0]}",
             )
         if unplaced:
             self._say_once(
                 "recording.no_pose",
-                f"{unplaced} of {len(due.stamps_ns)} depth images were left out, as the camera "
-                "has no pose at their stamps.",
+                f"{unplaced} of {counted(len(due.stamps_ns), 'depth image')} left out, as the "
+                "camera has no pose at their stamps.",
             )
 
     def colour_near(

@@ -40,7 +40,7 @@ from tablemap.review.images import colour_archetype, depth_archetype
 from tablemap.review.sensors import IMAGE_PLANE, scan_points
 from tablemap.review.stream import Stream, sensor_times
 from tablemap.review.viewer.viewer import rrd_tool, viewer_tool
-from tablemap.words import count
+from tablemap.words import counted
 
 TRANSFORMS_AT_ONCE = 20_000
 ARROW_METRES = 0.3
@@ -115,7 +115,7 @@ class _RawLog:
         self._send_transforms()
         self._stream.rec.reset_time()
         for what, times in lost.items():
-            said = f"{count(times, 'message')} not shown: {what}"
+            said = f"{counted(times, 'message')} not shown: {what}"
             self._stream.rec.log("log", rr.TextLog(said, level="WARN"), static=True)
         self._stream.rec.send_blueprint(self._layout(depth, are_lost=bool(lost)))
 

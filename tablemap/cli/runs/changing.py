@@ -22,7 +22,7 @@ from tablemap.cli.printing import (
 )
 from tablemap.cli.process import process_one
 from tablemap.cli.runs.app import Run, Runs, check_output, runs_app
-from tablemap.words import count
+from tablemap.words import counted
 
 
 @runs_app.command()
@@ -80,7 +80,10 @@ def prune_(
     status: Annotated[
         list[str] | None,
         typer.Option(
-            "--status", help="Only this status; repeatable.", autocompletion=completing.statuses
+            "--status",
+            help="Only this status; repeatable.",
+            metavar="STATUS",
+            autocompletion=completing.statuses,
         ),
     ] = None,
     keep: Annotated[
@@ -116,4 +119,4 @@ def prune_(
     for row in going:
         say(folder / row.path)
     said = "removed" if yes else "would go; --yes removes them"
-    say(f"{count(len(going), 'run')} {said}", err=True)
+    say(f"{counted(len(going), 'run')} {said}", err=True)

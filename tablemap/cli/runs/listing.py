@@ -28,19 +28,28 @@ def list_(
     shape: Annotated[
         list[str] | None,
         typer.Option(
-            "--shape", help="Only this shape; repeatable.", autocompletion=completing.shapes
+            "--shape",
+            help="Only this shape; repeatable.",
+            metavar="SHAPE",
+            autocompletion=completing.shapes,
         ),
     ] = None,
     status: Annotated[
         list[str] | None,
         typer.Option(
-            "--status", help="Only this status; repeatable.", autocompletion=completing.statuses
+            "--status",
+            help="Only this status; repeatable.",
+            metavar="STATUS",
+            autocompletion=completing.statuses,
         ),
     ] = None,
     verdict: Annotated[
         list[str] | None,
         typer.Option(
-            "--verdict", help="Only this verdict; repeatable.", autocompletion=completing.verdicts
+            "--verdict",
+            help="Only this verdict; repeatable.",
+            metavar="VERDICT",
+            autocompletion=completing.verdicts,
         ),
     ] = None,
     since: Annotated[

@@ -12,7 +12,7 @@ import typer
 from tablemap.cli.options import Json
 from tablemap.cli.printing import complain, say
 from tablemap.cli.runs.app import Run, Runs, check_output, runs_app
-from tablemap.words import count
+from tablemap.words import counted
 
 
 @runs_app.command("pack")
@@ -55,10 +55,16 @@ def unpack_(
 def serve_(
     folder: Runs = Path("runs"),
     port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="Where to listen; 0: any free port.")
+        int,
+        typer.Option(
+            "--port", min=0, max=65535, help="Where to listen; 0: any free port.", metavar="PORT"
+        ),
     ] = 51234,
     host: Annotated[
-        str, typer.Option("--host", help="Who may connect; 0.0.0.0: other machines too.")
+        str,
+        typer.Option(
+            "--host", help="Who may connect; 0.0.0.0: other machines too.", metavar="HOST"
+        ),
     ] = "127.0.0.1",
     as_json: Json = False,
 ) -> None:
@@ -75,7 +81,7 @@ def serve_(
             say(json.dumps(document))
         else:
             say(catalog.url)
-        runs = count(catalog.runs, "run")
+        runs = counted(catalog.runs, "run")
         say(f"{runs}; open them with: rerun {catalog.url}; or ask in Python:", err=True)
         code = f'CatalogClient("{catalog.url}").get_dataset("{DATASET}").segment_table()'
         say(f"  from rerun.catalog import CatalogClient\n  {code}", err=True)

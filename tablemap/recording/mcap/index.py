@@ -14,6 +14,7 @@ from tablemap.config import LimitsConfig
 from tablemap.config.limits import MIB
 from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.recording.mcap.records import DamageError, stream_of
+from tablemap.words import counted
 
 MAGIC = b"\x89MCAP0\r\n"
 PARSE_ERRORS = (McapError, struct.error, ValueError, DamageError)
@@ -146,4 +147,4 @@ class Losses:
 
 def no_time(count: int) -> DamageError:
     """Return the words for messages that were left out."""
-    return DamageError(f"has {count} messages without a header or a time")
+    return DamageError(f"has {counted(count, 'message')} without a header or a time")

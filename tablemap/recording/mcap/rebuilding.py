@@ -15,6 +15,7 @@ from tablemap.recording.mcap.chunks import parse_chunk, unpack
 from tablemap.recording.mcap.index import MAGIC, PARSE_ERRORS, Index, Losses, Span, Totals, no_time
 from tablemap.recording.mcap.records import RECORD_HEADER, DamageError, Messages, message_header
 from tablemap.recording.mcap.salvage import Read, Sieve, chunk_length, next_in_file, records_of
+from tablemap.words import counted
 
 _PIECE_BYTES = 4 * MIB
 _RUN_BYTES = 4 * MIB  # bare messages are indexed in runs of about a chunk's size
@@ -235,7 +236,7 @@ class _Scan:
         self.losses.say(
             "recording.truncated",
             f"The file was cut short: it ends at byte {size}, within a record that begins at byte "
-            f"{at}; the {self._messages} messages before the cut were read.",
+            f"{at}; {counted(self._messages, 'message')} before the cut could be read.",
         )
 
     def say_end(self, file: BinaryIO, size: int) -> None:

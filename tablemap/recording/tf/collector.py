@@ -26,6 +26,7 @@ from tablemap.recording.tf.tracks import (
     separate,
     spread,
 )
+from tablemap.words import counted
 
 FARTHEST = 1e6
 """Damaged messages may have any number: a place a thousand kilometres away is not valid."""
@@ -160,7 +161,8 @@ class TransformCollector:
     def lost(self) -> str:
         """Say how many transforms were rejected, between which frames, and why."""
         shown = [
-            f"{number} transforms from {parent or '(no name)'} to {child or '(no name)'} ({reason})"
+            f"{counted(number, 'transform')} from {parent or '(no name)'} to "
+            f"{child or '(no name)'} ({reason})"
             for (parent, child, reason), number in self.rejected.most_common()
         ]
         more = f" and of {len(shown) - 3} more frames" if len(shown) > 3 else ""

@@ -30,6 +30,7 @@ from tablemap.stages.calibration.level import floor_level, lowered
 from tablemap.stages.calibration.levels import LevelSamples, SeenTop, collect
 from tablemap.stages.calibration.result import Calibration, LevelResiduals
 from tablemap.stages.snapshots import Snapshot
+from tablemap.words import counted
 
 _LEAST_FLOOR_SHARE = 0.15
 _IMPLAUSIBLE_SIGMAS = 2.0
@@ -183,7 +184,7 @@ def _calibrated(
         warning = ProcessWarning(
             "calibration.no_floor",
             "calibration",
-            f"{pixels} floor pixels were seen in {len(snapshots)} views, "
+            f"the floor has only {counted(pixels, 'pixel')} in {counted(len(snapshots), 'view')}, "
             f"{config.least_floor_pixels} are needed; the camera's tilt and scale were left as "
             "recorded",
         )

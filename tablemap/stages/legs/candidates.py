@@ -19,6 +19,7 @@ from tablemap.stages.legs.primitives import sizes_of
 from tablemap.stages.legs.scans import Scans
 from tablemap.stages.legs.silhouettes import Segments, Walls, beam_points, find_segments
 from tablemap.stages.snapshots import Snapshot
+from tablemap.words import counted
 
 UNDER_ANOTHER = "stands under the surface that touches the table"
 
@@ -167,7 +168,7 @@ def _objection(found: LegCandidate, frame: Frame, config: LegsConfig) -> str | N
     stayed, size = found.stayed, found.size
     seen = stayed.hit + stayed.passed
     if seen and stayed.share < config.persistence:
-        return f"missing in {stayed.passed} of {seen} views that looked there: it moved"
+        return f"missing in {stayed.passed} of {counted(seen, 'view')} that looked there: it moved"
     central = frame.is_central(found.place)
     if found.kind is RECTANGLE:
         length, width = np.sort(found.fits[RECTANGLE].parameters[0, sizes_of(RECTANGLE)])[::-1]

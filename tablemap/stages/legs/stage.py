@@ -22,6 +22,7 @@ from tablemap.stages.legs.silhouettes import Walls
 from tablemap.stages.registration import Registration
 from tablemap.stages.snapshots import Snapshot
 from tablemap.stages.surface import Surface
+from tablemap.words import counted
 
 _STEEPEST = 0.1  # a laser tilted by more than this (radians) does not cut at one height
 
@@ -97,7 +98,10 @@ def find_legs(
         evidence = (cells + 0.5) * 0.01
     if not legs:
         warnings.append(
-            _warning("legs.none_found", f"None of {len(rejected) + len(refused)} things is a leg.")
+            _warning(
+                "legs.none_found",
+                f"None of {counted(len(rejected) + len(refused), 'thing')} is a leg.",
+            )
         )
     elif any(leg.status == "inferred" for leg in legs):
         warnings.append(

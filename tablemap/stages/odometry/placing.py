@@ -19,6 +19,7 @@ from tablemap.stages.odometry.recorded import RecordedPoses, has_wheels
 from tablemap.stages.odometry.result import OdometryMap, OdometryScan
 from tablemap.stages.odometry.sweep import points_in_base, sweep_motion, sweep_window
 from tablemap.stages.odometry.trajectory import Trajectory
+from tablemap.words import counted
 
 EVENT_POINTS = 360
 """Most points of a scan that is recorded for the review."""
@@ -132,8 +133,8 @@ def place_scans(
             record(OdometryMap(scan.stamp_ns, start.apply(kiss.local_map.point_cloud()[:, :2])))
     if kept_prior:
         message = (
-            f"KISS-ICP moved {kept_prior} of {len(stamps)} scans too far from their prediction; "
-            "their prediction was kept"
+            f"KISS-ICP moved {kept_prior} of {counted(len(stamps), 'scan')} too far from their "
+            "prediction; their prediction was kept"
         )
         warnings.append(ProcessWarning("odometry.kept_prior", "odometry", message))
     if start is None:

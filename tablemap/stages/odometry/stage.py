@@ -21,6 +21,7 @@ from tablemap.stages.odometry.recorded import (
 from tablemap.stages.odometry.result import MotionSource, Odometry
 from tablemap.stages.odometry.trajectory import Trajectory, composed, undone
 from tablemap.stages.snapshots import Snapshot
+from tablemap.words import counted
 
 _APART, _APART_SHARE = 1.0, 0.02  # metres, and share of the way: wheels drift by less
 _OPEN_SHARE = 0.1  # of the way, in one direction: a smaller open share is no corridor
@@ -127,7 +128,7 @@ def _bridged(trajectory: Trajectory, gaps: Ints) -> list[ProcessWarning]:
     ways = [trajectory.way_between(*gap) for gap in gaps]
     message = (
         f"no laser scan could be placed over {sum(ways):.1f} of {trajectory.way()[-1]:.1f} m "
-        f"({len(gaps)} gaps, the longest {max(ways):.1f} m); there the motion of the wheels was "
-        "taken"
+        f"({counted(len(gaps), 'gap')}, the longest {max(ways):.1f} m); there the motion of the "
+        "wheels was taken"
     )
     return [ProcessWarning("odometry.bridged", "odometry", message, int(gaps[0][0]))]

@@ -18,6 +18,7 @@ from tablemap.stages.outline.thickness import FaceEnds, face_ends, joint_rim, jo
 from tablemap.stages.outline.votes import vote
 from tablemap.stages.segmentation import Segmentation, ViewSegmentation
 from tablemap.stages.snapshots import Snapshot
+from tablemap.words import counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +59,8 @@ def find_edges(
             own[view.index] = plane
     if not own:
         raise EstimationError(
-            f"no edges of the table top: of {len(used)} views that see the table none shows enough "
-            "of its top; record it from nearer, or with the camera tilted further down"
+            f"no edges of the table top: none of {counted(len(used), 'view')} of it shows enough "
+            "of the top; record it from nearer, or with the camera tilted further down"
         )
     height, height_sigma, scatter = joint_height(
         own, segmentation.height, segmentation.height_sigma

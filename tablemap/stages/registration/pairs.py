@@ -13,6 +13,7 @@ from tablemap.events import Record
 from tablemap.geometry import Floats, Pose2, wrap_angle
 from tablemap.robust import kernel_weight
 from tablemap.stages.registration.result import Pair, PairIteration, PairKind, PairStarted, StopScan
+from tablemap.words import counted
 
 _ITERATIONS_A_GATE = 5
 _SOURCE_POINTS = 360
@@ -206,7 +207,7 @@ def weigh_pair(
     rows, residuals, share = correspondences(clouds, pose, gate=gate)
     inliers = len(residuals)
     if inliers < _LEAST_INLIERS:
-        reason = f"only {inliers} points correspond"
+        reason = f"only {counted(inliers, 'point')} with a correspondence"
         return Pair(
             source, target, kind, pose, np.zeros((3, 3)), share, 0.0, inliers, False, reason
         )

@@ -15,6 +15,7 @@ from tablemap.stages.segmentation.result import TableCandidate
 from tablemap.stages.segmentation.surfaces import CELL_M, find_patches, surroundings
 from tablemap.stages.segmentation.views import SampledView, look
 from tablemap.stages.snapshots import Snapshot
+from tablemap.words import counted
 
 STRIDE_PX = 2
 _MOST_CANDIDATES = 12  # surfaces that are reported: further ones are hardly tables
@@ -38,8 +39,8 @@ def rank_tables(views: list[SampledView], config: SegmentationConfig) -> tuple[T
     if not patches:
         raise EstimationError(
             f"Expected a horizontal surface between {config.lowest} and {config.highest} m above "
-            f"the floor, found none in {len(views)} views; point the camera at the table, or "
-            "widen segmentation.lowest and segmentation.highest"
+            f"the floor, found none in {counted(len(views), 'view')}; point the camera at the "
+            "table, or widen segmentation.lowest and segmentation.highest"
         )
     groups = grouped(patches)
     first = [_weigh(group, config) for group in groups]

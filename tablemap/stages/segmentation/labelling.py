@@ -18,6 +18,7 @@ from tablemap.stages.segmentation.views import (
     is_parted,
     tolerance,
 )
+from tablemap.words import counted
 
 FLOOR_M = 0.04
 _LEAST_TOLERANCE, _MOST_TOLERANCE = 0.006, 0.035  # metres round the top's plane
@@ -66,7 +67,7 @@ def label_view(
         reason = (
             None
             if share >= config.least_top_share
-            else f"only {int(top.sum())} pixels ({share:.2%}) of the top were seen"
+            else f"only {counted(int(top.sum()), 'pixel')} ({share:.2%}) of the top could be seen"
         )
     if top.any():
         labels[top] = Label.TOP

@@ -22,6 +22,7 @@ from tablemap.stages.segmentation.result import (
 )
 from tablemap.stages.segmentation.views import SampledView, look
 from tablemap.stages.snapshots import Snapshot
+from tablemap.words import counted
 
 _MOST_CHOICES = 4  # candidates that are tried after the first; each costs as much as that
 _TIE = 0.7  # of the best candidate's weight: a warning names others with at least this share
@@ -144,7 +145,7 @@ def _labelled(
     if height is None:
         raise EstimationError(
             f"Expected a table top of {chosen.height:.2f} m height at {_place(chosen)} in the map, "
-            f"but none of {len(coarse)} views shows enough of it"
+            f"but none of {counted(len(coarse), 'view')} shows enough of it"
         )
     views = [
         label_view(
@@ -159,7 +160,7 @@ def _labelled(
     if not used:
         raise EstimationError(
             f"Expected views of the table top at {_place(chosen)} in the map, but none of "
-            f"{len(views)} shows it: {views[0].reason}"
+            f"{counted(len(views), 'view')} shows it: {views[0].reason}"
         )
     return Segmentation(
         views=tuple(views),

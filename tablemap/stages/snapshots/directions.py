@@ -13,6 +13,7 @@ from tablemap.geometry import Bools, Floats, Ints, Pose2, wrap_angles
 from tablemap.recording import Recording
 from tablemap.stages.snapshots.result import SetAside, Viewpoint
 from tablemap.stages.snapshots.stops import SECOND_NS, choose_by_new_view, far_apart
+from tablemap.words import counted
 
 SAME_MOUNT_M, SAME_MOUNT_ANGLE = 0.003, np.deg2rad(0.3)
 # Encoder jitter and a sagging neck stay below this; a robot that looks elsewhere turns by more.
@@ -60,7 +61,7 @@ def by_direction(
         looks, still = [_Look(mounts[i], stamps[i : i + 1]) for i in kept], stamps[kept]
         reason = (
             "the camera kept turning, and it is not among the "
-            f"{config.maximum} images that show the most views"
+            f"{counted(config.maximum, 'image')} with the most views"
         )
     aside += [SetAside("depth image", int(s), reason) for s in np.setdiff1d(stamps, still)]
     return _shared_out(stop, [look.stamps_ns for look in looks]), aside

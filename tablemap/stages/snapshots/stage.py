@@ -30,6 +30,7 @@ from tablemap.stages.snapshots.stops import (
     sample_motion,
     standing_intervals,
 )
+from tablemap.words import counted
 
 _LEAST_STOPS = 3  # this many stops, with a tenth of the images, are planned and not by chance
 
@@ -49,7 +50,7 @@ def take_snapshots(
             SetAside(
                 "viewpoint",
                 viewpoint.middle_ns,
-                f"it is not among the {config.maximum} viewpoints that show the most views",
+                f"it is not among the {counted(config.maximum, 'viewpoint')} with the most views",
             )
         )
     snapshots, dropped, camera = _decode(recording, [viewpoints[i] for i in kept], config)
@@ -57,8 +58,8 @@ def take_snapshots(
         reasons = Counter(entry.reason for entry in dropped)
         why = ", ".join(f"{reason} ({count})" for reason, count in reasons.most_common())
         raise EstimationError(
-            f"Expected depth images at {len(kept)} viewpoints, but none could be used: {why}; "
-            f"see the warnings of `tablemap info`: {recording.input}"
+            f"Expected depth images at {counted(len(kept), 'viewpoint')}, but none could be used: "
+            f"{why}; see the warnings of `tablemap info`: {recording.input}"
         )
     aside = sorted([*aside, *dropped], key=lambda entry: entry.stamp_ns)
     notes = _camera_notes(camera, sensors)

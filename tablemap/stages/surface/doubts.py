@@ -16,6 +16,7 @@ from tablemap.stages.surface.result import FittedFigure, Primitive, SurfaceEdge
 from tablemap.stages.surface.shapes.shape import signed_distance
 from tablemap.stages.surface.shapes.sides import INFERRED, MEASURED, UNSEEN
 from tablemap.stages.surface.shapes.straight import Sided
+from tablemap.words import counted
 
 
 def doubts(
@@ -49,7 +50,10 @@ def doubts(
     found += _partly_seen(chosen, edges, figures, config)
     if len(evidence.views) < 3:
         found.append(
-            ("accuracy.few_views", f"Only {len(evidence.views)} views saw the edge of the top.")
+            (
+                "accuracy.few_views",
+                f"Only {counted(len(evidence.views), 'view')} saw the edge of the top.",
+            )
         )
     scatter = max(chosen.fit.noise.near, chosen.fit.noise.far)
     if scatter > 3:
@@ -130,4 +134,4 @@ def _sides_of(edges: tuple[SurfaceEdge, ...], chosen: list[int]) -> str:
     named = ", ".join(
         f"{np.linalg.norm(edges[k].points[1] - edges[k].points[0]):.2f} m" for k in chosen
     )
-    return f"{len(chosen)} of {len(edges)} sides ({named})"
+    return f"{len(chosen)} of {counted(len(edges), 'side')} ({named})"

@@ -18,6 +18,7 @@ from tablemap.stages.surface.priors import (
     pose_sigma,
     skew_sigma,
 )
+from tablemap.words import counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +125,8 @@ def gather(
     if count < config.minimum_points:
         raise EstimationError(
             f"expected at least {config.minimum_points} points on the table's edge, found {count} "
-            f"in {len(views)} of {len(outline.views)} views; record views that show the top's end"
+            f"in {len(views)} of {counted(len(outline.views), 'view')}; record views that show the "
+            "top's end"
         )
     poses = np.array([pose.as_array() for pose in registration.map_from_base])
     in_base = np.concatenate([v.points[p] for v, p in zip(views, parts, strict=True)])

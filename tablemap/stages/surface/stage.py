@@ -23,6 +23,7 @@ from tablemap.stages.surface.result import FittedFigure, Primitive, Surface, Sur
 from tablemap.stages.surface.shapes.shape import Shape
 from tablemap.stages.surface.shapes.sides import UNSEEN
 from tablemap.stages.surface.status import own_statuses, sights
+from tablemap.words import counted
 
 
 def fit_surface(
@@ -48,8 +49,9 @@ def fit_surface(
         candidates = fit_candidates(evidence, config, np.random.default_rng(seed))
     if not candidates:
         raise EstimationError(
-            f"expected an outline through {len(evidence.points)} points on the table's edge; no "
-            "shape, not even their hull, has an area; record views from more sides of the table"
+            f"expected an outline through {counted(len(evidence.points), 'point')} on the table's "
+            "edge; no shape, not even their hull, has an area; record views from more sides of the "
+            "table"
         )
     standing = [c for c in candidates if c.is_hull or c.inlier_fraction >= config.minimum_inliers]
     fallen = [c for c in candidates if c not in standing]

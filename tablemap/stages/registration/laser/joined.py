@@ -17,6 +17,7 @@ from tablemap.stages.registration.pairs import align_depth_pair
 from tablemap.stages.registration.result import DepthPairStatistics, Pair, StopCheck, StopScan
 from tablemap.stages.registration.solution import pose_list
 from tablemap.stages.snapshots import Snapshot
+from tablemap.words import counted
 
 _LEAST_PARTNERS = 2
 
@@ -74,5 +75,7 @@ def checked_by_depth(check: StopCheck, judged: Sequence[Pair]) -> StopCheck:
     statistics = DepthPairStatistics(depth_pairs=len(mine), depth_pairs_used=len(kept))
     if len(kept) >= _LEAST_PARTNERS:
         return StopCheck(check.index, True, statistics, ())
-    reason = f"its depth agrees with {len(kept)} other views, {_LEAST_PARTNERS} are needed"
+    reason = (
+        f"its depth agrees with {counted(len(kept), 'other view')}, {_LEAST_PARTNERS} are needed"
+    )
     return replace(check, statistics=statistics, reasons=(*check.reasons, reason))
