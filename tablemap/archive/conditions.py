@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 from tablemap.archive.folder import RunFolder
 from tablemap.config import Config
 
-Apart = dict[str, tuple[object, object]]
-"""Values that differ, by name: the first run's and the second's."""
+Apart = dict[str, tuple[object, ...]]
+"""Values that differ, by name: one of each run, in their order."""
 
 
 def changed_settings(run: RunFolder) -> Apart:
@@ -19,22 +19,23 @@ def changed_settings(run: RunFolder) -> Apart:
     return _apart(_flat(Config()), _flat(run.config))
 
 
-def settings_apart(a: RunFolder, b: RunFolder) -> Apart:
-    """Return the settings of two runs that differ, by dotted name.
+def settings_apart(*runs: RunFolder) -> Apart:
+    """Return the settings of runs that differ, by dotted name.
 
     Raises `ConfigError` if the settings of one cannot be read.
     """
-    return _apart(_flat(a.config), _flat(b.config))
+    return _apart(*(_flat(run.config) for run in runs))
 
 
-def versions_apart(a: RunFolder, b: RunFolder) -> Apart:
-    """Return the versions of two runs that differ, by package."""
-    return _apart(a.manifest.versions, b.manifest.versions)
+def versions_apart(*runs: RunFolder) -> Apart:
+    """Return the versions of runs that differ, by package."""
+    return _apart(*(run.manifest.versions for run in runs))
 
 
-def _apart(a: Mapping[str, object], b: Mapping[str, object]) -> Apart:
-    names = dict.fromkeys([*a, *b])
-    return {name: (a.get(name), b.get(name)) for name in names if a.get(name) != b.get(name)}
+def _apart(*trees: Mapping[str, object]) -> Apart:
+    names = dict.fromkeys(name for tree in trees for name in tree)
+    values = {name: tuple(tree.get(name) for tree in trees) for name in names}
+    return {name: own for name, own in values.items() if any(each != own[0] for each in own)}
 
 
 def _flat(config: Config) -> dict[str, object]:

@@ -91,6 +91,37 @@ def test_compare_counts_sigmas_and_draws_both(runs: Path, tmp_path: Path) -> Non
         call("runs", "compare", runs / "lap/a", runs / "hall/c")
 
 
+def test_compare_of_more_runs_shows_their_spread(runs: Path) -> None:
+    """Middle, ends and outliers of each figure, and who differs in a word or a setting."""
+    for name, length, legs in (("d", 1.188, 4), ("e", 1.187, 3)):
+        config = load_config(overrides=["seed=5"] if name == "e" else [])
+        make_run(runs, f"lap/{name}", rectangle_model(length=length, legs=legs), config=config)
+    paths = [runs / "lap" / name for name in "abde"]
+    lines = call("runs", "compare", *paths).stdout.splitlines()
+    told = {line.split()[0]: line.split()[1:] for line in lines if line}
+    assert told["B"] == [str(paths[1])]
+    assert (told["shape"], told["legs"]) == (["rectangle"], ["4", "D", "3"])
+    # Of 1.187, 1.193, 1.188 and 1.187 m the second is an outlier.
+    assert told["length"] == ["1.188", "1.187", "1.193", "2.5", "mm", "2.0", "mm", "B"]
+    assert told["height"] == ["0.743", "0.743", "0.743", "0.0", "mm", "2.0", "mm"]
+    assert told["seed"] == ["0", "0", "0", "5"]
+    document = json.loads(call("runs", "compare", *paths, "--json").stdout)
+    (length,) = (each for each in document["figures"] if each["name"] == "length")
+    assert (length["outliers"], length["values"][1]) == ([1], 1.193)
+    assert document["settings"]["seed"] == {"a": 0, "b": 0, "c": 0, "d": 5}
+    assert document["c"] == str(paths[2])
+
+
+def test_compare_of_one_run_or_a_drawing_of_three_is_wrong_usage(runs: Path) -> None:
+    """With what it takes."""
+    path = runs / "lap/a"
+    for given, words in (
+        (["runs", "compare", path], "two runs, or more"),
+        (["runs", "compare", path, path, path, "-o", "out"], "--output draws two runs, found 3"),
+    ):
+        assert words in call(*given, code=2).output
+
+
 def test_compare_and_show_say_what_was_set_otherwise(runs: Path) -> None:
     """Settings and versions that differ, those alone; of one run what is not the default."""
     config = load_config(overrides=["seed=5", "topics.laser=/scan"])

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from tablemap.archive import RunFolder
     from tablemap.archive.comparison import Comparison
     from tablemap.archive.conditions import Apart
+    from tablemap.archive.spread import Spreads
 
 
 @runs_app.command()
@@ -60,49 +61,106 @@ def show(run: Run, as_json: Json = False) -> None:
 
 @runs_app.command()
 def compare(
-    first: Annotated[str, typer.Argument(help="Run folder.", metavar="A")],
-    second: Annotated[str, typer.Argument(help="Run folder.", metavar="B")],
+    runs: Annotated[
+        list[str], typer.Argument(help="Two run folders, or more.", metavar="A B ...")
+    ],
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="Write compare.svg and .rrd here.", metavar="DIR"),
+        typer.Option(
+            "--output", "-o", help="Write compare.svg and .rrd of A and B here.", metavar="DIR"
+        ),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Show the models of A and B side by side, and their differences in sigmas."""
+    """Show the models of A and B side by side; of more runs the spread and the outliers."""
     from tablemap.archive import load_run
     from tablemap.archive.comparison import compare as compare_models
     from tablemap.archive.conditions import versions_apart
+    from tablemap.archive.spread import spread
 
-    a, b = load_run(first), load_run(second)
-    compared = compare_models(a.model, b.model)
-    apart = {"settings": _settings_apart(a, b), "versions": versions_apart(a, b)}
+    if len(runs) < 2:
+        raise typer.BadParameter("give two runs, or more.")
+    if output and len(runs) > 2:
+        raise typer.BadParameter(f"--output draws two runs, found {len(runs)}.")
+    folders = [load_run(run) for run in runs]
+    letters = _letters(len(folders))
+    apart = {"settings": _settings_apart(folders), "versions": versions_apart(*folders)}
+    if len(folders) == 2:
+        found = compare_models(folders[0].model, folders[1].model)
+        document, rows = found.to_dict(), _comparison_rows(found)
+    else:
+        spreads = spread([run.model for run in folders])
+        document, rows = spreads.to_dict(), _spread_rows(spreads, letters)
     if as_json:
         conditions = {
-            kind: {name: {"a": first, "b": second} for name, (first, second) in found.items()}
-            for kind, found in apart.items()
+            kind: {
+                name: dict(zip(map(str.lower, letters), values, strict=True))
+                for name, values in differing.items()
+            }
+            for kind, differing in apart.items()
         }
-        document = {"a": str(a.path), "b": str(b.path), **compared.to_dict(), **conditions}
-        say(json.dumps(document, indent=1))
+        named = {
+            letter.lower(): str(run.path) for letter, run in zip(letters, folders, strict=True)
+        }
+        say(json.dumps({**named, **document, **conditions}, indent=1))
     else:
-        say(aligned(_comparison_rows(compared)))
-        for kind, found in apart.items():
-            if found:
-                rows = [(name, str(first), str(second)) for name, (first, second) in found.items()]
-                say("\n" + aligned([(kind, "A", "B"), *rows]))
+        if len(folders) > 2:
+            say(aligned(zip(letters, (str(run.path) for run in folders), strict=True)) + "\n")
+        say(aligned(rows))
+        for kind, differing in apart.items():
+            if differing:
+                values = [(name, *map(str, each)) for name, each in differing.items()]
+                say("\n" + aligned([(kind, *letters), *values]))
     if output:
-        for file in _draw(a, b, output):
+        for file in _draw(folders[0], folders[1], output):
             say(file, err=True)
 
 
-def _settings_apart(a: RunFolder, b: RunFolder) -> Apart:
+def _letters(number: int) -> list[str]:
+    """Return names for so many runs: A to Z, then A2 and so on."""
+    alphabet = [chr(ord("A") + k) for k in range(26)]
+    return [f"{alphabet[k % 26]}{k // 26 + 1 if k >= 26 else ''}" for k in range(number)]
+
+
+def _settings_apart(runs: list[RunFolder]) -> Apart:
     """Return the settings that differ; settings that cannot be read are a warning on stderr."""
     from tablemap.archive.conditions import settings_apart
 
     try:
-        return settings_apart(a, b)
+        return settings_apart(*runs)
     except TablemapError as error:
         complain(f"the settings are not compared: {error}", kind="warning")
         return {}
+
+
+def _spread_rows(found: Spreads, letters: list[str]) -> Iterator[tuple[str, ...]]:
+    """Return a row for each word, with who differs from most, and for each figure's spread."""
+    from collections import Counter
+
+    from tablemap.model.shapes import is_angle
+
+    yield ("", "median", "from", "to", "deviation", "sigma", "outliers")
+    for name, values in found.words:
+        usual, _ = Counter(values).most_common(1)[0]
+        others = [
+            f"{letter} {value}"
+            for letter, value in zip(letters, values, strict=True)
+            if value != usual
+        ]
+        yield (name, usual, "", "", "", "", ", ".join(others))
+    for row in found.figures:
+        angle = row.name == "yaw" or is_angle(row.name)
+        ends = [_degrees(x) if angle else metres_text(x) for x in (row.median, row.low, row.high)]
+        widths = [
+            _degrees(x) if angle else "" if x is None else f"{1000 * x:.1f} mm"
+            for x in (row.deviation, row.sigma)
+        ]
+        outliers = ", ".join(letters[k] for k in row.outliers)
+        lacking = ", ".join(
+            letter for letter, value in zip(letters, row.values, strict=True) if value is None
+        )
+        said = [outliers, f"not in {lacking}" if lacking else ""]
+        yield (row.name, *ends, *widths, "; ".join(filter(None, said)))
 
 
 def _changed_rows(run: RunFolder) -> Iterator[tuple[str, str]]:
