@@ -239,7 +239,10 @@ def _odometry(recording: Recording) -> RoleFitness:
 
 def _clocks(recording: Recording) -> RoleFitness:
     """Tell how long after their stamps messages were logged, and what that says of the clocks."""
-    codes: dict[str, Literal["weak", "fine"]] = {"accuracy.clock": "weak", "recording.clock": "fine"}
+    codes: dict[str, Literal["weak", "fine"]] = {
+        "accuracy.clock": "weak",
+        "recording.clock": "fine",
+    }
     for code, state in codes.items():
         said = [each.message for each in recording.warnings if each.code == code]
         if said:

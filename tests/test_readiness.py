@@ -142,7 +142,7 @@ def test_check_finds_what_only_the_poses_show(tmp_path: Path) -> None:
     _write_with_poses(recording, lambda tick: 43 < tick < 47)
     done = tablemap_here("info", recording, "--check")
     assert done.returncode == 1
-    assert "missing: Expected the pose of" in done.stdout
+    assert "missing: No depth image has a pose at its stamp" in done.stdout
 
 
 def test_half_a_log_is_judged(demo_recording: Path, tmp_path: Path) -> None:

@@ -61,9 +61,7 @@ def show(run: Run, as_json: Json = False) -> None:
 
 @runs_app.command()
 def compare(
-    runs: Annotated[
-        list[str], typer.Argument(help="Two run folders, or more.", metavar="A B ...")
-    ],
+    runs: Annotated[list[str], typer.Argument(help="Two run folders, or more.", metavar="A B ...")],
     output: Annotated[
         Path | None,
         typer.Option(
