@@ -22,7 +22,7 @@ FEW_PAIRS = 30
 """Up to this number of pairs there is room for the RMSE beside a pair's name."""
 WIDER = 1.15  # columns over rows
 MOST_POINTS = 360  # of each of a pair's two clouds: a cell has room for so many
-MOST_JUDGED = 1000  # of each cloud of the pair that is shown alone
+MOST_JUDGED = 500  # of each cloud of the pair that is shown alone
 SEEN_SHARE = 60  # per cent of the points that must fit in a cell
 
 Key = tuple[int, int]
@@ -123,29 +123,57 @@ def _log_at_stops(
     sequences: dict[Key, _Sequence],
     poses: Sequence[Pose2],
 ) -> None:
-    """Log for each stop the worst of its pairs, in the map: target, source before and after."""
+    """Log for each stop the worst of its pairs, in the map, and over the iterations the worst."""
+    known = [key for key in keys if max(key) < len(poses)]
     for index, stamp in enumerate(stream.scene.stamps_ns[: len(poses)]):
-        key = next((one for one in keys if index in one and max(one) < len(poses)), None)
-        if key is None:
-            clouds, name = [np.zeros((0, 3))] * 3, []
-        else:
-            sequence, target = sequences[key], poses[key[1]]
-            moved = [target @ sequence.poses[k] for k in (0, -1)]
-            clouds = [target.apply(sequence.target), *[one.apply(sequence.source) for one in moved]]
-            name = [text.pair_told(key, named.get(key))]
-        dropped = key is not None and key in named and not named[key].used
-        after = palette.DISTRUSTED if dropped else palette.TRUSTED
-        inks = (palette.TEXT, palette.LOCALISED, after)
+        key = next((one for one in known if index in one), None)
         stream.at_stop(stamp, index)
-        for entity, points, ink in zip(("target", "before", "after"), clouds, inks, strict=True):
-            few = points[:: max(1, -(-len(points) // MOST_JUDGED))].astype(np.float32)
-            stream.log(
-                f"registration/pair_at_stop/{entity}",
-                rr.Points3D(few, colors=[ink.on_dark], radii=rr.Radius.ui_points(2.0)),
-            )
-        middle = clouds[0].mean(axis=0)[None] if name else np.zeros((0, 3))
-        stream.names("registration/pair_at_stop/names", middle, name)
+        if key is None:
+            _empty_pair(stream)
+        else:
+            sequence = sequences[key]
+            _log_pair(stream, key, sequence, named.get(key), poses[key[1]], sequence.poses[-1])
+    for key in known[:1]:
+        for step, pose in enumerate(sequences[key].poses):
+            stream.at_iteration(step)
+            _log_pair(stream, key, sequences[key], named.get(key), poses[key[1]], pose)
     stream.hold()
+
+
+def _log_pair(
+    stream: Stream,
+    key: Key,
+    sequence: _Sequence,
+    pair: Pair | None,
+    map_from_target: Pose2,
+    target_from_source: Pose2,
+) -> None:
+    """Log a pair in the map: its target, and its source where ICP began and where it is."""
+    is_dropped = pair is not None and not pair.used
+    begun, moved = (map_from_target @ one for one in (sequence.poses[0], target_from_source))
+    target = map_from_target.apply(sequence.target)
+    for entity, points, ink in (
+        ("target", target, palette.TEXT),
+        ("before", begun.apply(sequence.source), palette.LOCALISED),
+        (
+            "after",
+            moved.apply(sequence.source),
+            palette.DISTRUSTED if is_dropped else palette.TRUSTED,
+        ),
+    ):
+        few = points[:: max(1, -(-len(points) // MOST_JUDGED))].astype(np.float32)
+        stream.log(
+            f"registration/pair_at_stop/{entity}",
+            rr.Points3D(few, colors=[ink.on_dark], radii=rr.Radius.ui_points(2.0)),
+        )
+    name = text.pair_told(key, pair)
+    stream.names("registration/pair_at_stop/names", target.mean(axis=0)[None], [name])
+
+
+def _empty_pair(stream: Stream) -> None:
+    for entity in ("target", "before", "after"):
+        stream.log(f"registration/pair_at_stop/{entity}", rr.Points3D([]))
+    stream.names("registration/pair_at_stop/names", [], [])
 
 
 def _log_clouds(

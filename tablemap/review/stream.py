@@ -172,6 +172,11 @@ class Stream:
         self.at(stamp_ns, snapshot=snapshot)
         self.rec.disable_timeline("stage")
 
+    def at_iteration(self, step: int) -> None:
+        """Let the next rows belong only to a step of ICP."""
+        self.rec.reset_time()
+        self.rec.set_time("iteration", sequence=step)
+
     def at_stage(self) -> None:
         """Let the next rows belong only to the current stage."""
         self.rec.reset_time()

@@ -243,7 +243,8 @@ def registration(result: Registration) -> str:
 def aligned(shown: int, pairs: int) -> str:
     """Return the explanation of the view of aligned pairs."""
     return (
-        "*Worst pair of the stop*: the one of the snapshot at the cursor, in the map. *All pairs*: "
+        "*Worst pair of the stop*: of the snapshot at the cursor, in the "
+        "map; on the timeline `iteration` the worst of all. *All pairs*: "
         f"{shown} of {pairs} pairs, the dropped and the worst first, each in a cell of its own and "
         "lying as its target does in the map; beside few names stands the RMSE. On the timeline "
         "`iteration` the sources move from where ICP began (0) to where it ended; on the others "
