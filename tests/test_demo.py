@@ -87,6 +87,7 @@ def test_the_run_folder_keeps_the_contract(
     assert names == {
         "run.rrd",
         "report.html",
+        "results.npz",
         "table.json",
         "manifest.json",
         "config.toml",

@@ -34,6 +34,11 @@ def depth_archetype(
     )
 
 
+def is_recorded_png(message: Image | CompressedImage) -> bool:
+    """Tell whether a depth image is passed on as it was recorded."""
+    return _recorded_png(message) is not None
+
+
 def _recorded_png(message: Image | CompressedImage) -> bytes | None:
     if not isinstance(message, CompressedImage) or message.format.strip().startswith("32FC1"):
         return None
@@ -73,6 +78,12 @@ def colour_archetype(message: Image | CompressedImage) -> rr.EncodedImage | None
         if data.startswith(PNG):
             return rr.EncodedImage(contents=data, media_type="image/png")
         return None
+    jpeg = as_jpeg(message)
+    return None if jpeg is None else rr.EncodedImage(contents=jpeg, media_type="image/jpeg")
+
+
+def as_jpeg(message: Image) -> bytes | None:
+    """Return a raw colour image as a JPEG, or None if the viewer cannot show its encoding."""
     channels = COLOUR_CHANNELS.get(message.encoding)
     if channels is None or len(message.data) < message.height * message.step:
         return None
@@ -87,4 +98,4 @@ def colour_archetype(message: Image | CompressedImage) -> rr.EncodedImage | None
     pixels = pixels[..., 0] if channels == 1 else pixels[..., :3]
     buffer = io.BytesIO()
     PIL.Image.fromarray(np.ascontiguousarray(pixels)).save(buffer, format="JPEG", quality=85)
-    return rr.EncodedImage(contents=buffer.getvalue(), media_type="image/jpeg")
+    return buffer.getvalue()

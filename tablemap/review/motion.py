@@ -6,6 +6,7 @@ import numpy as np
 import rerun as rr
 
 from tablemap import palette
+from tablemap.config import ReviewConfig
 from tablemap.geometry import Floats, Pose2
 from tablemap.review import colours, text
 from tablemap.review.clouds import raised, thinned
@@ -18,22 +19,35 @@ CORRECTION_LIMIT = 0.05  # metres
 MAP_CELLS = 2
 
 
+class ScansInTime:
+    """Tells which scans are drawn: some in a second, or all at level ``full``."""
+
+    def __init__(self, config: ReviewConfig) -> None:
+        self._between_ns = 0 if config.level == "full" else int(config.scan_seconds * 1e9)
+        self._last_ns: int | None = None
+
+    def is_next(self, scan: OdometryScan) -> bool:
+        """Tell whether a scan is drawn; call it once with each."""
+        if self._last_ns is not None and scan.stamp_ns - self._last_ns < self._between_ns:
+            return False
+        self._last_ns = scan.stamp_ns
+        return True
+
+
 class MotionDrawing:
     """Draws the odometry; it thins its scans over sensor time."""
 
     def __init__(self) -> None:
-        self._last_ns: int | None = None
+        self._drawn: ScansInTime | None = None
         self._scans: list[tuple[int, float, float]] = []
 
     def log_scan(self, stream: Stream, scan: OdometryScan) -> None:
         """Log a scan at its pose by KISS-ICP; its threshold and correction are plotted later."""
         stream.scene.has_laser = True
         self._scans.append((scan.stamp_ns, scan.threshold, scan.correction))
-        between_ns = int(stream.config.scan_seconds * 1e9)
-        is_next = self._last_ns is None or scan.stamp_ns - self._last_ns >= between_ns
-        if not (is_next or stream.config.level == "full"):
+        self._drawn = self._drawn or ScansInTime(stream.config)
+        if not self._drawn.is_next(scan):
             return
-        self._last_ns = scan.stamp_ns
         stream.at(scan.stamp_ns, snapshot=stream.scene.snapshot_at(scan.stamp_ns))
         stream.log(
             "odometry/scan",

@@ -23,9 +23,7 @@ MOST_POSES = 500  # of the frame tree, as each pose makes the file larger
 
 def log_recording(stream: Stream, recording: Recording) -> None:
     """Log the recorded frames over time, and in full every image and scan."""
-    stamps = np.unique(np.concatenate([recording.pose_stamps(), recording.depth_stamps()]))
-    step = max(1, -(-len(stamps) // MOST_POSES))
-    _log_frames(stream, recording, stamps[::step])
+    _log_frames(stream, recording, frame_stamps(recording))
     stream.hold()
     stream.log(
         "robot/heading",
@@ -52,6 +50,18 @@ def log_recording(stream: Stream, recording: Recording) -> None:
                 depth_archetype(frame.message, frame.depth),
                 frame=recording.names.camera + IMAGE_PLANE,
             )
+
+
+def frame_stamps(recording: Recording) -> Ints:
+    """Return the times at which the frames are drawn."""
+    stamps = np.unique(np.concatenate([recording.pose_stamps(), recording.depth_stamps()]))
+    return stamps[:: max(1, -(-len(stamps) // MOST_POSES))]
+
+
+def nearest_scan(recording: Recording, stamp_ns: int) -> LaserScan | None:
+    """Return the scan nearest to a time, if there is one near enough."""
+    scans = recording.scans(stamp_ns - SCAN_SEARCH_NS, stamp_ns + SCAN_SEARCH_NS)
+    return min(scans, key=lambda scan: abs(scan.stamp_ns - stamp_ns), default=None)
 
 
 def _log_frames(stream: Stream, recording: Recording, stamps_ns: Ints) -> None:
@@ -94,9 +104,7 @@ def log_snapshot(stream: Stream, snapshot: Snapshot) -> None:
     _log_pose(stream, names, snapshot)
     log_images(stream, snapshot)
     if scene.recording is not None and names.laser:
-        stamp = snapshot.stamp_ns
-        scans = scene.recording.scans(stamp - SCAN_SEARCH_NS, stamp + SCAN_SEARCH_NS)
-        nearest = min(scans, key=lambda scan: abs(scan.stamp_ns - stamp), default=None)
+        nearest = nearest_scan(scene.recording, snapshot.stamp_ns)
         if nearest is not None:
             _log_scan(stream, scene.recording, nearest)
 

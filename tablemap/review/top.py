@@ -26,6 +26,7 @@ LABEL_DROP = 11.0  # the viewer writes labels this far below their points
 BAR_PITCH = 28  # of the bars of a budget: title, bar, and the names of its parts
 HISTOGRAM_BINS = 41
 TOUCHES = "touches the table"
+TOP_CELLS = 3
 ALL_SEEN = 0.995
 MOST_CORNERS = 12
 
@@ -72,7 +73,7 @@ class TopDrawing:
                         radii=rr.Radius.ui_points(2.5),
                     ),
                 )
-        top = thinned(view.top, 3 * stream.config.voxel)
+        top = thinned(view.top, TOP_CELLS * stream.config.voxel)
         if len(top):
             stream.log(
                 f"outline/top/{view.index:02d}",

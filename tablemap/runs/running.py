@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 Follow = Callable[[Path], AbstractContextManager[object]]
 
 REVIEW = "run.rrd"
+RESULTS = "results.npz"
 _DIGEST_SECONDS = 5.0  # that a run which is left waits for its recording's hash
 
 
@@ -160,6 +161,7 @@ class _Running:
         self._recording = recording
         self._page = Page()
         self._seconds: dict[str, float] = {}
+        self._streamed = [REVIEW]
         self._digest = _Digest(recording)
 
     def begin(self, output: Path, *, method: str, tables: Tables, config: Config) -> RunFolder:
@@ -182,9 +184,12 @@ class _Running:
         """Open and process the recording; everything that happens is written to ``run.rrd``."""
         from tablemap.recording import open_recording
         from tablemap.review import Reviewer
+        from tablemap.review.keeping.results import Keeper
 
         folder.write("config.toml", dump_config(config))
         file = folder.path / REVIEW
+        if config.review.level != "off":
+            self._streamed.append(RESULTS)
         with (
             follow(file),
             Reviewer(
@@ -193,10 +198,11 @@ class _Running:
                 recording_name=shown(self._recording.stem),
                 config=config.review,
             ) as review,
+            Keeper(folder.path / RESULTS, config.review) as keep,
         ):
 
             def record(event: object) -> None:
-                for observe in (self._observe, self._page, progress, review):
+                for observe in (self._observe, self._page, progress, review, keep):
                     observe(event)
 
             try:
@@ -230,7 +236,7 @@ class _Running:
         loss = lost[0] if lost else None
         folder.write("report.html", self._page.html(folder.manifest, status=status, error=loss))
         folder.write("table.json", processed.model.to_json())
-        folder.finish(status, error=loss, streamed=[REVIEW])
+        folder.finish(status, error=loss, streamed=self._streamed)
         return status, loss
 
     def leave(self, status: Literal["failed", "interrupted"], error: str) -> None:

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from rerun.chunk import RrdReader
 
+from tablemap import recording
+from tablemap.archive import load_run
+from tablemap.archive.folder import RunFolder
 from tablemap.archive.manifest import Manifest, RecordingEntry
-from tablemap.config import ReviewConfig
+from tablemap.config import Config, ReviewConfig
+from tablemap.events import Record, StageFinished
 from tablemap.review import Reviewer
 from tablemap.review.page.page import Page
+from tablemap.runs import running
+from tests.making import made_up_run as made_up
 
 
 def write(path: Path, run: list[object], level: str = "standard") -> Path:
@@ -20,6 +29,26 @@ def write(path: Path, run: list[object], level: str = "standard") -> Path:
         for one in run:
             record(one)
     return path
+
+
+def run_until(
+    stage: str, end: Callable[[], None], folder: Path, patch: Callable[[object, str, object], None]
+) -> RunFolder:
+    """Run the made-up drive to the end of a stage, where ``end`` is called; return its folder."""
+
+    def process(*_: Any, record: Record, **__: Any) -> None:
+        for one in made_up.results(stops=4)[1:]:
+            record(one)
+            if isinstance(one, StageFinished) and one.name == stage:
+                end()
+
+    patch(running, "_method", lambda _: process)
+    patch(recording, "open_recording", lambda *_, **__: made_up.MadeUpRecording(stops=4))
+    file = folder / "lap.mcap"
+    file.write_bytes(b"made up")
+    with suppress(KeyboardInterrupt, ZeroDivisionError):
+        running.run(file, output=folder / "runs", config=Config())
+    return load_run(next((folder / "runs" / "lap").glob("2*")))
 
 
 def columns(path: Path, entity: str, name: str) -> list[list[object]]:

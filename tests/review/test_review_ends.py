@@ -6,22 +6,15 @@ import multiprocessing
 import os
 import signal
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import pytest
 from rerun.chunk import RrdReader
 
-from tablemap import recording
 from tablemap.archive import load_run
-from tablemap.archive.folder import RunFolder
-from tablemap.config import Config
 from tablemap.errors import EstimationError
-from tablemap.events import Record, StageFinished
 from tablemap.review.viewer import viewer
-from tablemap.runs import running
-from tests.making import made_up_run as made_up
+from tests.making.reviews import run_until
 
 STAGES = ("segmentation", "registration", "surface")
 PARTS = {
@@ -29,26 +22,6 @@ PARTS = {
     "registration": "/registration/after/scan/03",
     "surface": "/surface/residuals",
 }
-
-
-def run_until(
-    stage: str, end: Callable[[], None], folder: Path, patch: Callable[[object, str, object], None]
-) -> RunFolder:
-    """Run the made-up drive to the end of a stage, where ``end`` is called; return its folder."""
-
-    def process(*_: Any, record: Record, **__: Any) -> None:
-        for one in made_up.results(stops=4)[1:]:
-            record(one)
-            if isinstance(one, StageFinished) and one.name == stage:
-                end()
-
-    patch(running, "_method", lambda _: process)
-    patch(recording, "open_recording", lambda *_, **__: made_up.MadeUpRecording(stops=4))
-    file = folder / "lap.mcap"
-    file.write_bytes(b"made up")
-    with suppress(KeyboardInterrupt, ZeroDivisionError):
-        running.run(file, output=folder / "runs", config=Config())
-    return load_run(next((folder / "runs" / "lap").glob("2*")))
 
 
 def kill() -> None:
@@ -135,6 +108,6 @@ def test_an_end_on_the_way_leaves_its_page_and_its_review(
     page = (run.path / "report.html").read_text(encoding="utf-8")
     assert words in page
     assert f">{status}<" in page
-    assert set(run.manifest.files) == {"config.toml", "report.html", "run.rrd"}
+    assert set(run.manifest.files) == {"config.toml", "report.html", "results.npz", "run.rrd"}
     assert viewer.is_whole(run.path / "run.rrd")
     assert PARTS["registration"] in entities(run.path / "run.rrd")

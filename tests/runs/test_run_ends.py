@@ -47,7 +47,7 @@ def test_an_undisturbed_run_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert (outcome.status, outcome.error) == ("ok", None)
     assert outcome.run is not None
     names = {file.name for file in outcome.run.path.iterdir()}
-    files = {"run.rrd", "report.html", "table.json", "config.toml", "trajectory.tum"}
+    files = {"run.rrd", "report.html", "results.npz", "table.json", "config.toml", "trajectory.tum"}
     assert names == {*files, "manifest.json"}
     assert set(outcome.run.manifest.files) == files
     assert load_run(tmp_path / "runs" / "lap").path == outcome.run.path.resolve()
@@ -78,7 +78,7 @@ def test_a_folder_that_vanishes_fails_the_run(
     assert not outcome.run.path.exists() or not any(outcome.run.path.iterdir())
 
 
-@pytest.mark.parametrize("name", ["config.toml", "run.rrd"])
+@pytest.mark.parametrize("name", ["config.toml", "results.npz", "run.rrd"])
 def test_a_file_that_vanishes_fails_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:

@@ -1,4 +1,4 @@
-"""``tablemap runs reprocess`` and ``prune``: new runs from old ones, and removal of runs."""
+"""``tablemap runs reprocess``, ``redraw`` and ``prune``: runs made anew, and removal of runs."""
 
 from __future__ import annotations
 
@@ -69,6 +69,14 @@ def reprocess(
         path, others = outcome.run.path, outcome.others
         print_model(outcome.model, path, console=console, others=others)
     raise typer.Exit(exit_code([outcome], strict=strict))
+
+
+@runs_app.command("redraw")
+def redraw_(run: Run) -> None:
+    """Make the run.rrd of a RUN anew from the results that it keeps, without its recording."""
+    from tablemap.runs.redrawing import redraw
+
+    say(redraw(run))
 
 
 @runs_app.command("prune")
