@@ -13,12 +13,13 @@ from tablemap.cli.export import ListsFormats, export
 from tablemap.cli.info import info
 from tablemap.cli.process import process
 from tablemap.cli.runs import runs_app
+from tablemap.cli.schema import schema
 from tablemap.cli.simulate import simulate
 from tablemap.cli.view import view
 
 __all__ = ["app", "main"]
 
-for command in (process, info, convert, view, export, simulate, evaluate, config):
+for command in (process, info, convert, view, export, simulate, evaluate, config, schema):
     app.command(cls=ListsFormats if command in (export, process) else None)(command)
 app.add_typer(
     runs_app, name="runs", help="List, compare, check, repeat, remove, move and serve runs."

@@ -27,6 +27,7 @@ COMMANDS = [
     "simulate",
     "evaluate",
     "config",
+    "schema",
     "runs",
 ]
 RUNS = ["list", "show", "compare", "verify", "reprocess", "prune", "pack", "unpack", "serve"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +15,7 @@ from typer.testing import CliRunner
 
 from tablemap.cli import app
 from tablemap.config import Config, dump_config, load_config
+from tests.making.command import tablemap_here
 from tests.making.models import rectangle_model
 from tests.making.run_folders import make_run
 
@@ -113,3 +115,33 @@ def test_settings_are_printed_with_what_they_are() -> None:
     config = load_config(overrides=["registration.gates=[0.3, 0.1]"])
     assert tomllib.loads(text) == tomllib.loads(dump_config(config))
     assert "#" not in dump_config(Config())
+
+
+def test_schema_explains_every_field_of_a_document() -> None:
+    """Its path, its type and what it is; in Markdown as a table of three columns."""
+    rows = tablemap_here("schema").stdout.splitlines()
+    told = {row.split()[0]: row for row in rows}
+    assert "metres above the floor" in told["surface.height"]
+    assert told["surface.dimensions.*.status"].split()[1:6] == [
+        "measured",
+        "|",
+        "inferred",
+        "|",
+        "unseen",
+    ]
+    assert "legs[].dimensions.*.value" in told
+    page = tablemap_here("schema", "Manifest", "--markdown").stdout.splitlines()
+    assert page[:2] == ["| field | type | what it is |", "|---|---|---|"]
+    assert {len(re.findall(r"(?<!\\)\|", line)) for line in page} == {4}
+    assert any(line.startswith("| recording.sha256 | string or null |") for line in page)
+
+
+@pytest.mark.parametrize("name", ["table", "truth", "manifest", "config"])
+def test_schema_misses_no_field(name: str, schemas: dict[str, Any]) -> None:
+    """What the JSON Schema names has a row with a meaning."""
+    schema = json.loads(tablemap_here("schema", name, "--json").stdout)
+    assert schema == schemas[name]
+    page = tablemap_here("schema", name, "--markdown").stdout.splitlines()[2:]
+    cells = [re.split(r" (?<!\\)\| ", line.strip("| ")) for line in page]
+    last = {row[0].replace("[]", "").replace(".*", "").rpartition(".")[2] for row in cells}
+    assert last == {path.rpartition(".")[2] for path, _ in properties(schema, "")}
