@@ -12,6 +12,7 @@ Each damaged copy falls into one class, and the counts are printed:
 from __future__ import annotations
 
 import hashlib
+import math
 import signal
 import sys
 from collections import Counter
@@ -111,7 +112,7 @@ def content(recording: Recording) -> str:
 
 
 def is_same(model: TableModel, other: TableModel) -> bool:
-    """Tell whether two models are of the same table, legs included."""
+    """Tell whether two models are of one table, legs too, within the sigmas that they state."""
     a, b = model.surface, other.surface
     if a.shape != b.shape or len(model.legs) != len(other.legs):
         return False
@@ -120,8 +121,9 @@ def is_same(model: TableModel, other: TableModel) -> bool:
         *((a.dimensions[name], b.dimensions[name]) for name in a.dimensions),
     ]
     return all(
-        abs(first.value - second.value) < max(SAME_METRES, 3 * (second.sigma or 0.0))
-        for first, second in [(a.height, b.height), *pairs]
+        abs(first.value - second.value)
+        < max(SAME_METRES, 3 * math.hypot(first.sigma or 0.0, second.sigma or 0.0))
+        for first, second in pairs
     )
 
 
