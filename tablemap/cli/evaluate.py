@@ -66,7 +66,10 @@ def evaluate(
         int, typer.Option("--jobs", "-j", min=1, help="Processes at once.", metavar="N")
     ] = 2,
     tables: Annotated[
-        bool, typer.Option("--tables", help="Print the report's tables: published, its, ours.")
+        bool,
+        typer.Option(
+            "--tables", help="Print the report's tables: as published, by its method, by ours."
+        ),
     ] = False,
     config: ConfigFile = None,
     settings: Settings = None,

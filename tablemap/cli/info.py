@@ -31,7 +31,7 @@ def info(
     start: Start = None,
     end: End = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Exit with 1 where process could not work.")
+        bool, typer.Option("--check", help="Exit with 1 if process could not work.")
     ] = False,
     as_json: Json = False,
 ) -> None:

@@ -19,13 +19,13 @@ Start = Annotated[
     str | None,
     typer.Option(
         "--start",
-        help="Read from here on: seconds from the begin (-: before the end), or a date.",
+        help="Start reading here: seconds from the beginning (-: before the end), or a date.",
         metavar="WHEN",
     ),
 ]
 End = Annotated[
     str | None,
-    typer.Option("--end", help="Read up to here, given as --start is.", metavar="WHEN"),
+    typer.Option("--end", help="Stop reading here; given like --start.", metavar="WHEN"),
 ]
 Settings = Annotated[
     list[str] | None,

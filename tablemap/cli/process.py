@@ -65,7 +65,7 @@ def process(
         Literal["tablemap", "report"] | None,
         typer.Option(
             "--method",
-            help="Our method, or the bachelor report's as the baseline.",
+            help="tablemap's method, or the bachelor report's, as the baseline.",
             case_sensitive=False,
         ),
     ] = None,
@@ -86,7 +86,7 @@ def process(
         typer.Option("--scheduler", help="Process on this Dask cluster.", metavar="ADDRESS"),
     ] = None,
     again: Annotated[
-        bool, typer.Option("--again", help="Process also what DIR holds a same run of.")
+        bool, typer.Option("--again", help="Process even if DIR has the same run already.")
     ] = False,
     level: Annotated[
         Literal["standard", "full", "off"] | None,
@@ -132,7 +132,7 @@ def process(
     many = _many(scheduler, jobs)
     with destination(output) as place:
         if scheduler and place.is_remote:
-            raise typer.BadParameter("--scheduler wants an --output that its workers see.")
+            raise typer.BadParameter("--scheduler needs an --output that its workers can see.")
         job = Job(place.folder, resolved, follow=_follow(live=live))
         for outcome in _outcomes(paths, job, many, again=again, quiet=quiet):
             outcomes.append(outcome)

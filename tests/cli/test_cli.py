@@ -325,7 +325,7 @@ def test_piped_output_has_no_colour(tmp_path: Path) -> None:
         ("runs ", RUNS),
         ("process a.mcap --set Surface.minimum_i", ["Surface.minimum_inliers="]),
         ("info a.mcap --set l", []),
-        ("info a.mcap --set topics.la", ["topics.laser="]),
+        ("info a.mcap --set topics.las", ["topics.laser=", "topics.laser_clock_offset="]),
         ("export a --to G", ["Gazebo", "Geojson", "Glb"]),
         ("process a.mcap --export nA", ["nAv2"]),
         ("view a --still b.png --tab sur", ["surface"]),

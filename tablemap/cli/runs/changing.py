@@ -83,7 +83,8 @@ def redraw_(run: Run) -> None:
 def prune_(
     folder: Runs = Path("runs"),
     older_than: Annotated[
-        float | None, typer.Option("--older-than", min=0, help="Begun so long ago.", metavar="DAYS")
+        float | None,
+        typer.Option("--older-than", min=0, help="Begun more than DAYS days ago.", metavar="DAYS"),
     ] = None,
     status: Annotated[
         list[str] | None,
@@ -96,7 +97,7 @@ def prune_(
     ] = None,
     keep: Annotated[
         int | None,
-        typer.Option("--keep", min=0, help="Hold the newest with a model.", metavar="N"),
+        typer.Option("--keep", min=0, help="Keep the newest N that have a model.", metavar="N"),
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Remove them; else only list them.")] = False,
     as_json: Json = False,
@@ -126,5 +127,5 @@ def prune_(
         return
     for row in going:
         say(folder / row.path)
-    said = "removed" if yes else "would go; --yes removes them"
+    said = "removed" if yes else "would be removed; --yes removes them"
     say(f"{counted(len(going), 'run')} {said}", err=True)
