@@ -121,7 +121,7 @@ class Projection:
     def log_model(self, stream: Stream, model: TableModel) -> None:
         """Log the model's lines in each camera's image, as if nothing hid them."""
         self.log_candidates(stream, ())
-        lines = list(_lines(model))
+        lines = list(model_lines(model))
         for snapshot, frame in self._in_turn(stream):
             if snapshot.index >= len(model.snapshots):
                 continue
@@ -153,7 +153,7 @@ class Projection:
                 )
 
 
-def _lines(model: TableModel) -> Iterator[tuple[str, str, NDArray[np.floating]]]:
+def model_lines(model: TableModel) -> Iterator[tuple[str, str, NDArray[np.floating]]]:
     """Yield the model's lines: their part, their status, and points (n, 3) in the map."""
     surface = model.surface
     top = model.floor_z + surface.height.value

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import math
 import re
 from html.parser import HTMLParser
 from xml.etree import ElementTree
 
+import PIL.Image
 import pytest
 
 from tablemap import palette
@@ -158,3 +161,27 @@ def test_poor_results_make_a_page(model: TableModel, run: list[object]) -> None:
     poor = model.model_copy(update={"surface": surface, "legs": (), "snapshots": ()})
     emptied = [made_up.emptied(one) for one in run if isinstance(one, Surface)]
     assert "no outline" in page([*emptied, poor], status="partial", error="cut <short>")
+
+
+def test_the_best_view_has_the_model_in_it() -> None:
+    """A JPEG within the page, and over it the outline's lines, inside of the picture."""
+    html = page(made_up.results(stops=4))
+    (picture,) = re.findall(r"<h2>In the camera's image</h2>(<svg.*?</svg>)", html, flags=re.S)
+    drawn = ElementTree.fromstring(picture)
+    image = drawn.find("image")
+    assert image is not None
+    kind, data = image.attrib["href"].split(",")
+    assert kind == "data:image/jpeg;base64"
+    with PIL.Image.open(io.BytesIO(base64.b64decode(data))) as jpeg:
+        assert jpeg.size == (made_up.CAMERA.width, made_up.CAMERA.height)
+    lines = drawn.findall("polyline")
+    assert len(lines) > 4
+    for line in lines:
+        for x, y in (point.split(",") for point in line.attrib["points"].split()):
+            assert 0 <= float(x) <= made_up.CAMERA.width
+            assert 0 <= float(y) <= made_up.CAMERA.height
+
+
+def test_without_a_view_of_the_edge_there_is_no_picture(model: TableModel) -> None:
+    """A model alone has its page."""
+    assert "In the camera" not in page([model])

@@ -12,6 +12,7 @@ from tablemap.archive.manifest import Manifest
 from tablemap.events import OtherTable, RunFailed
 from tablemap.model import TableModel
 from tablemap.model.summary import summary_rows
+from tablemap.review.page.picture import BestView
 from tablemap.review.page.plan import plan
 from tablemap.review.page.plots import histogram, unrolled, variance_bars
 from tablemap.stages.surface import Surface
@@ -48,9 +49,11 @@ class Page:
         self._surface: Surface | None = None
         self._failure: RunFailed | None = None
         self._others: list[OtherTable] = []
+        self._best = BestView()
 
     def __call__(self, result: object) -> None:
         """Take a result or an event of the run."""
+        self._best(result)
         if isinstance(result, TableModel):
             self._model = result
         elif isinstance(result, Surface):
@@ -72,7 +75,10 @@ class Page:
                 _stages_done(manifest, stage, status),
             ]
         else:
-            body = [*_model(model, name, self._surface), *_beside(self._others)]
+            body = [
+                *_model(model, name, self._surface, self._best.svg(model)),
+                *_beside(self._others),
+            ]
             if error:
                 body.insert(1, f'<p class="doubtful">{escape(status)}: {escape(error)}</p>')
         return "\n".join(
@@ -89,7 +95,7 @@ class Page:
         )
 
 
-def _model(model: TableModel, name: str, surface: Surface | None) -> Iterable[str]:
+def _model(model: TableModel, name: str, surface: Surface | None, picture: str) -> Iterable[str]:
     verdict = model.verdict
     yield (
         f'<h1>{escape(model.surface.shape.capitalize())}: <span class="{verdict.level}">'
@@ -100,6 +106,8 @@ def _model(model: TableModel, name: str, surface: Surface | None) -> Iterable[st
         yield "<ul>" + "".join(f"<li>{escape(reason)}</li>" for reason in verdict.reasons) + "</ul>"
     rows = [row for row in summary_rows(model) if row[0] != "verdict"]
     yield _table((), [(name, text.replace("+-", "±")) for name, text in rows])
+    if picture:
+        yield f"<section><h2>In the camera's image</h2>{picture}</section>"
     yield f"<section><h2>From above</h2>{plan(model)}</section>"
     drawn = variance_bars({**model.surface.dimensions, "height": model.surface.height})
     if drawn:
