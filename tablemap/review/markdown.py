@@ -20,6 +20,12 @@ def table(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:
     return "\n".join(lines)
 
 
+def links(**entities: str) -> str:
+    """Return a line with links to entities, by their names; a click selects them in the viewer."""
+    named = [f"[{name.replace('_', ' ')}](recording://{path})" for name, path in entities.items()]
+    return f"Select: {', '.join(named)}"
+
+
 def metres(value: float, sigma: float | None) -> str:
     """Write a length with its standard deviation, or say that there is none."""
     return f"{value:.3f} m" + (f" ± {1000 * sigma:.1f} mm" if sigma is not None else "")

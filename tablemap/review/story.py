@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tablemap.model import Dimension, Edge, Figure, TableModel
-from tablemap.review.markdown import MOST_ROWS, figure, metres, table
+from tablemap.review.markdown import MOST_ROWS, figure, links, metres, table
 
 MOST_SIDES = 12
 LEAST_WEIGHT = 0.005
@@ -41,6 +41,8 @@ def model(result: TableModel, *, magnified: tuple[float, float]) -> str:
         table(("figure", "value", "status"), rows),
         "",
         sides,
+        "",
+        links(top="model/top", dimensions="model/dimensions", uncertainty="model/uncertainty"),
         "",
         f"**Pose** in `{result.frame}`: x {metres(pose.x, float(deviations[0]))}, "
         f"y {metres(pose.y, float(deviations[1]))}, "

@@ -248,6 +248,7 @@ class Stream:
         """Log a page of markdown; one about a stage's result is kept for the stage's summary."""
         if not self._below and path != "summary" and self._is_of_the_stage(path):
             self.scene.told = markdown
+        markdown = markdown.replace("recording://", f"recording://{self._below}")
         self.log_flat(path, rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN))
 
     def _is_of_the_stage(self, path: str) -> bool:

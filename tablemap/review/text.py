@@ -11,7 +11,7 @@ from string import ascii_lowercase
 import numpy as np
 
 from tablemap.geometry import Pose2
-from tablemap.review.markdown import MOST_ROWS, figure, metres, table
+from tablemap.review.markdown import MOST_ROWS, figure, links, metres, table
 from tablemap.stages.calibration import Calibration
 from tablemap.stages.legs import Legs
 from tablemap.stages.odometry import Odometry
@@ -122,6 +122,13 @@ def segmentation(result: Segmentation) -> str:
             f"The chosen top lies at {result.height:.3f} m as the views' planes have it. The "
             "summary has the model's height, which edges and depth scale have corrected.",
             "",
+            links(
+                chosen="segmentation/candidates/chosen",
+                others="segmentation/candidates/others",
+                labels="segmentation/labels",
+                points="segmentation/points",
+            ),
+            "",
             candidates(result.candidates),
             "",
             table(("view", "sees it", "top pixels", "height"), views),
@@ -227,6 +234,13 @@ def registration(result: Registration) -> str:
             "*Off by* is how far the registered poses lie from what "
             "the pair measured, *rmse* how far the points of its two clouds lie from each other.",
             "",
+            links(
+                worst="registration/graph_worst",
+                pairs_of_the_stop="registration/graph_at_stop",
+                all_pairs="registration/graph_in_map",
+                stops="registration/stops",
+            ),
+            "",
             table(("pair", "kind", "off by mm", "fitness", "rmse mm", "inliers", "result"), pairs),
             "",
             *[
@@ -288,6 +302,8 @@ def outline(result: Outline) -> str:
             f"They lie in the plane at {result.height:.3f} m: before the fit, which corrects it. "
             f"Thickness {thickness}. {LEGEND}",
             "",
+            links(edges="outline/edges", seen_as_top="outline/top"),
+            "",
             table(header, rows),
         ]
     )
@@ -324,6 +340,12 @@ def surface(result: Surface) -> str:
             f"95 % within {most:.1f} mm. {len(finite) - len(near)} more are {CLUTTER_MM:.0f} mm or "
             "further away: clutter, not the table's edge.",
             "",
+            links(
+                chosen="surface/chosen",
+                residuals="surface/residuals",
+                candidates="surface/candidates",
+            ),
+            "",
             table(("shape", "weight", "cost", "inliers", "dimensions"), candidates),
             "",
             table(("side", "status", "seen", "sigma"), sides),
@@ -353,6 +375,7 @@ def legs(result: Legs) -> str:
     return "\n".join(
         [
             f"## {len(result.legs)} legs",
+            *[f"{links(legs='legs/names', points='legs/evidence')}\n" for _ in found[:1]],
             table(("leg", "x, y", "sigma", "size", "status", "views"), found) if found else "",
             "",
             f"## {len(result.rejected)} clusters set aside",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from itertools import pairwise
 from pathlib import Path
 
@@ -164,3 +165,16 @@ def test_stages_of_other_tables_leave_the_summary(run: list[object], tmp_path: P
 def test_letters_go_on_after_z() -> None:
     """As the columns of a spreadsheet."""
     assert [letter(k) for k in (0, 25, 26, 27, 51, 52)] == ["a", "z", "aa", "ab", "az", "ba"]
+
+
+def test_links_lead_to_entities(review: Path) -> None:
+    """Each link of a text pane names what the file has, below its own table too."""
+    there = {chunk.entity_path for chunk in RrdReader(review).stream()}
+    pages = {entity for entity in there if entity.endswith("/summary")}
+    found: set[str] = set()
+    for entity in pages:
+        for page in columns(review, entity, "TextDocument:text"):
+            found |= set(re.findall(r"\(recording://([^)]+)\)", str(page[0])))
+    assert {"model/top", "surface/chosen", "tables/01/model/top"} <= found
+    for link in found:
+        assert any(f"{one}/".startswith(f"/{link}/") for one in there), link
