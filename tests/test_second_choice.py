@@ -13,6 +13,7 @@ from tablemap.errors import EstimationError
 from tablemap.model import TableModel
 from tablemap.recording import Recording
 from tablemap.stages.segmentation import Segmentation, TableCandidate
+from tablemap.stages.snapshots.result import UNKNOWN_CAMERA
 from tests.making.models import rectangle_model
 
 
@@ -33,7 +34,13 @@ class Stages:
         self.tried: list[float] = []
         self.models: list[Segmentation] = []
         nothing = SimpleNamespace(
-            snapshots=(), mounting=None, is_found=False, legs=(), trajectory=None, map_from_base=()
+            snapshots=(),
+            mounting=None,
+            is_found=False,
+            legs=(),
+            trajectory=None,
+            map_from_base=(),
+            camera=UNKNOWN_CAMERA,
         )
         for name in ("take_snapshots", "calibrate", "flatten", "estimate_odometry", "cross_check"):
             monkeypatch.setattr(pipeline, name, lambda *_, **__: nothing)
