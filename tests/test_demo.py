@@ -68,6 +68,7 @@ def test_stdout_is_one_json_line_and_stderr_is_for_people(
         "verdict": "good",
         "reasons": [],
         "figures": line["figures"],
+        "others": [],
     }
     model = TableModel.load(run)
     for name, figure in model.surface.dimensions.items():

@@ -8,11 +8,9 @@ import pytest
 
 _told: list[str] = []
 
-Tell = Callable[[str], None]
-
 
 @pytest.fixture(scope="session")
-def tell() -> Tell:
+def tell() -> Callable[[str], None]:
     """Take a line for the end of the output."""
     return _told.append
 

@@ -9,7 +9,7 @@ import os
 import resource
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -18,7 +18,6 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from tablemap.archive.index import INDEX, list_runs
 from tablemap.review.viewer.catalog import served_catalog
-from tests.benchmarks.conftest import Tell
 from tests.making.models import rectangle_model
 from tests.making.run_folders import make_run, read_runs
 
@@ -52,7 +51,9 @@ def processor_seconds(figures: dict[str, float], name: str) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("runs", [1_000, 10_000, pytest.param(100_000, marks=pytest.mark.slow)])
-def test_list_and_index(runs: int, tmp_path: Path, benchmark: BenchmarkFixture, tell: Tell) -> None:
+def test_list_and_index(
+    runs: int, tmp_path: Path, benchmark: BenchmarkFixture, tell: Callable[[str], None]
+) -> None:
     """A list by the index costs a fifth of the first one, which reads every run, or less."""
     folder = links(tmp_path / "runs", runs)
     took: dict[str, float] = {}
@@ -80,7 +81,9 @@ def test_an_index_tells_what_a_scan_tells(tmp_path: Path, benchmark: BenchmarkFi
 
 
 @pytest.mark.parametrize("runs", [1_000, pytest.param(10_000, marks=pytest.mark.slow)])
-def test_catalog(runs: int, tmp_path: Path, benchmark: BenchmarkFixture, tell: Tell) -> None:
+def test_catalog(
+    runs: int, tmp_path: Path, benchmark: BenchmarkFixture, tell: Callable[[str], None]
+) -> None:
     """Serving writes a layer of figures a run, so its cost grows with their number."""
     folder = links(tmp_path / "runs", runs)
     list_runs(folder)

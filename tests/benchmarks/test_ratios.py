@@ -11,13 +11,13 @@ import platform
 import resource
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from tablemap.simulation import load_scenario, simulate, write
-from tests.benchmarks.conftest import Tell
 from tests.making.command import TABLEMAP
 
 ROUNDS = 3
@@ -60,7 +60,7 @@ def least(*command: object) -> float:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def machine(tell: Tell) -> None:
+def machine(tell: Callable[[str], None]) -> None:
     """Say which machine this is."""
     names = [
         line.partition(":")[2].strip()
@@ -89,7 +89,11 @@ def log(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 
 @pytest.mark.benchmark(group="the demo, cold")
 def test_the_demo(
-    benchmark: BenchmarkFixture, demo_recording: Path, imports: float, tmp_path: Path, tell: Tell
+    benchmark: BenchmarkFixture,
+    demo_recording: Path,
+    imports: float,
+    tmp_path: Path,
+    tell: Callable[[str], None],
 ) -> None:
     """With its review, beside what importing the libraries takes."""
     command = (*TABLEMAP, "process", demo_recording, "-o", tmp_path, "--again", "--quiet")
@@ -103,7 +107,11 @@ def test_the_demo(
 
 @pytest.mark.benchmark(group="a long log")
 def test_a_long_log(
-    benchmark: BenchmarkFixture, log: Path, imports: float, tmp_path: Path, tell: Tell
+    benchmark: BenchmarkFixture,
+    log: Path,
+    imports: float,
+    tmp_path: Path,
+    tell: Callable[[str], None],
 ) -> None:
     """With its review, beside the length of the log and Rerun's own conversion of it."""
     told = subprocess.run([*TABLEMAP, "info", str(log), "--json"], capture_output=True, check=True)
@@ -122,7 +130,7 @@ def test_a_long_log(
 
 @pytest.mark.benchmark(group="many recordings")
 def test_many_recordings(
-    benchmark: BenchmarkFixture, demo_recording: Path, tmp_path: Path, tell: Tell
+    benchmark: BenchmarkFixture, demo_recording: Path, tmp_path: Path, tell: Callable[[str], None]
 ) -> None:
     """Workers start once: a recording more costs less than a process of its own."""
     copies = [tmp_path / f"copy{number}.mcap" for number in range(6)]
@@ -139,7 +147,9 @@ def test_many_recordings(
 
 
 @pytest.mark.benchmark(group="what answers at once")
-def test_help_and_lists(benchmark: BenchmarkFixture, tmp_path: Path, tell: Tell) -> None:
+def test_help_and_lists(
+    benchmark: BenchmarkFixture, tmp_path: Path, tell: Callable[[str], None]
+) -> None:
     """Beside importing typer and rich."""
     (tmp_path / "runs").mkdir()
     floor = least(sys.executable, "-c", "import typer, rich")
