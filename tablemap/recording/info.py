@@ -43,6 +43,7 @@ from tablemap.recording.topics import Topic, decoders_of, list_topics
 from tablemap.recording.window import windowed
 from tablemap.words import counted
 
+_DEEPEST = 50  # levels of the TF tree that are shown
 _MOST_PLACES = 64  # places of a long recording at which transforms are read for the TF tree
 
 
@@ -127,6 +128,9 @@ class RecordingInfo:
             if name in shown:  # a frame with two parents is followed once
                 continue
             shown.add(name)
+            if indent == _DEEPEST and name in children:
+                lines.append("  " * (indent + 1) + "... (more below)")
+                continue
             below = sorted(children.get(name, []), key=lambda each: each.child, reverse=True)
             waiting += [
                 (edge.child, indent + 1, " (static)" if edge.is_static else "") for edge in below

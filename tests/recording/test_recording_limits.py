@@ -142,6 +142,15 @@ def test_a_frame_with_many_parents_is_shown_once(tmp_path: Path) -> None:
     assert sum("as above" in line for line in lines) > 20
 
 
+def test_a_chain_of_thousands_is_shown_to_its_first_levels(tmp_path: Path) -> None:
+    """Each level is a line, indented by its depth: all would be megabytes of blanks."""
+    path = tmp_path / "chain.mcap"
+    hostile.chain_of_thousands(path)
+    lines = inspect(path).tree_lines()
+    assert any(line.endswith("... (more below)") for line in lines)
+    assert sum(map(len, lines)) < 10_000
+
+
 def test_times_that_no_number_holds_are_left_out(tmp_path: Path) -> None:
     """In chunks and outside of them."""
     path = tmp_path / "times.mcap"
