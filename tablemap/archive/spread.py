@@ -27,7 +27,7 @@ _OF_PLACE = ("x", "y", "yaw")
 
 
 @dataclass(frozen=True)
-class Spread:
+class FigureSpread:
     """One figure of several models (metres, radians).
 
     - ``values``: of each model, None if it lacks the figure
@@ -53,7 +53,7 @@ class Spreads:
     """What several models agree on: ``words`` are name and the value of each model."""
 
     words: tuple[tuple[str, tuple[str, ...]], ...]
-    figures: tuple[Spread, ...]
+    figures: tuple[FigureSpread, ...]
 
     def to_dict(self) -> dict[str, object]:
         """Return the spreads as values for JSON."""
@@ -92,14 +92,14 @@ def spread(models: Sequence[TableModel | AnyPath]) -> Spreads:
     return Spreads(words, tuple(_spread(name, figures, period) for name in names))
 
 
-def _spread(name: str, figures: Sequence[dict[str, float]], period: float) -> Spread:
+def _spread(name: str, figures: Sequence[dict[str, float]], period: float) -> FigureSpread:
     values = [each.get(name) for each in figures]
     known = np.array([math.nan if value is None else value for value in values])
     if name == "yaw":
         known = known[0] + wrap_angles(known - known[0], period)
     sigmas = np.array([each.get(f"{name}_sigma", math.nan) for each in figures])
     median = float(np.nanmedian(known))
-    return Spread(
+    return FigureSpread(
         name=name,
         values=tuple(values),
         median=median,

@@ -6,13 +6,13 @@ import math
 
 import pytest
 
-from tablemap.archive.spread import Spread, spread
+from tablemap.archive.spread import FigureSpread, spread
 from tablemap.errors import TablemapError
 from tablemap.model import TableModel
 from tests.making.models import rectangle_model
 
 
-def named(models: list[TableModel], name: str) -> Spread:
+def named(models: list[TableModel], name: str) -> FigureSpread:
     """Return the spread of the figure of that name."""
     (found,) = (each for each in spread(models).figures if each.name == name)
     return found

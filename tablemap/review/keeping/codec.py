@@ -156,14 +156,14 @@ def decoded(file: Path) -> Iterator[Any]:
     """
     try:
         with zipfile.ZipFile(file) as packed:
-            decoder = _Decoder(packed)
+            decoder = _FileDecoder(packed)
             for event in json.loads(packed.read(EVENTS)):
                 yield decoder.value(event)
     except (OSError, zipfile.BadZipFile, KeyError, ValueError) as error:
         raise TablemapError(f"the run's results cannot be read ({error}): {file}") from error
 
 
-class _Decoder:
+class _FileDecoder:
     def __init__(self, file: zipfile.ZipFile) -> None:
         self._file = file
         self._there = set(file.namelist())
