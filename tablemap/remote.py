@@ -18,7 +18,7 @@ from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, BinaryIO, cast
 
-from tablemap.errors import ExternalToolError
+from tablemap.errors import ExternalToolError, TablemapError
 
 if TYPE_CHECKING:
     from obstore.store import ObjectStore
@@ -245,16 +245,19 @@ def is_remote(place: object) -> bool:
 def place_at(text: str) -> Path:
     """Return what reads a place: a path, or a `RemotePath`, which answers as one does.
 
-    Raises `ExternalToolError` where obstore is not installed.
+    Raises `ExternalToolError` where obstore is not installed, and `TablemapError` where the URL
+    names nothing.
     """
     if not is_remote(text):
         return Path(text)
+    scheme, _, named = text.partition("://")
+    if not named.strip("/"):
+        raise TablemapError(f"expected a place such as {scheme}://BUCKET/lap.mcap, found {text!r}.")
     try:
         import obstore  # noqa: F401
     except ImportError as error:
         raise ExternalToolError(
-            f"places as {text.partition('://')[0]}:// need obstore, which is not installed: "
-            "pip install obstore"
+            f"places as {scheme}:// need obstore, which is not installed: pip install obstore"
         ) from error
     return cast(Path, RemotePath(text))
 

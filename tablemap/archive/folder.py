@@ -289,7 +289,7 @@ def load_run(run: AnyPath) -> RunFolder:
     path = fetched_run(run) if isinstance(run, str) and is_remote(run) else as_path(run)
     folder = path if is_folder(path) else path.parent
     latest = folder / LATEST
-    if not is_file(folder / MANIFEST) and is_link(latest):
+    if not is_file(folder / MANIFEST) and path in (folder, latest) and is_link(latest):
         if not is_folder(latest):
             raise TablemapError(
                 f"the run that this link names is gone; give another of its runs: {latest}"

@@ -68,7 +68,7 @@ def view(
     with ExitStack() as kept:
         if is_review:
             file = viewer.review_file(run)
-            if not viewer.is_whole(file):
+            if viewer.is_cut(file):
                 say("The run was killed or goes on: this shows what it has written.", err=True)
         else:
             # The viewer reads the file after this program has ended.

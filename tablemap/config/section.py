@@ -21,7 +21,8 @@ def explain(error: ValidationError, root: type[Section]) -> str:
     path = [str(part) for part in first["loc"]]
     name = ".".join(path)
     if first["type"] != "extra_forbidden":
-        reason = first["msg"][0].lower() + first["msg"][1:]
+        said = first["msg"].removeprefix("Value error, ")
+        reason = said[0].lower() + said[1:]
         return f"{name} = {first['input']!r} is not allowed: {reason}."
     fields: Mapping[str, FieldInfo] = root.model_fields
     for part in path[:-1]:

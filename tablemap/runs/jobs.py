@@ -50,7 +50,8 @@ def expand(arguments: Sequence[AnyPath], *, together: bool = False) -> list[Inpu
 
     A list has one path or glob a line, relative to the working folder. Blank lines and lines that
     begin with ``#`` are ignored. A glob without a match is taken as a path, as in a shell. With
-    ``together`` all recordings belong to one drive. Raises `ConfigError` if a list cannot be read.
+    ``together`` all recordings belong to one drive. Raises `ConfigError` if a list cannot be
+    read, or has none.
     """
     names: list[str] = []
     for argument in map(_text, arguments):
@@ -64,7 +65,10 @@ def expand(arguments: Sequence[AnyPath], *, together: bool = False) -> list[Inpu
             raise ConfigError(
                 f"the list of recordings cannot be read ({reason}): {argument[1:]}"
             ) from error
-        names += [line.strip() for line in lines if line.strip() and not line.startswith("#")]
+        listed = [line.strip() for line in lines if line.strip() and not line.startswith("#")]
+        if not listed:
+            raise ConfigError(f"expected a recording a line, found none: {argument[1:]}")
+        names += listed
     paths: dict[str, None] = {}
     for name in names:
         taken = is_remote(name) or Path(name).exists()

@@ -30,7 +30,18 @@ COMMANDS = [
     "schema",
     "runs",
 ]
-RUNS = ["list", "show", "compare", "verify", "reprocess", "prune", "pack", "unpack", "serve"]
+RUNS = [
+    "list",
+    "show",
+    "compare",
+    "verify",
+    "reprocess",
+    "redraw",
+    "prune",
+    "pack",
+    "unpack",
+    "serve",
+]
 
 
 def test_help_names_every_command() -> None:
@@ -281,6 +292,63 @@ WRONG = {
     "evaluate --suite nonsense": (2, None),
     "simulate nonsense -o x.mcap": (2, None),
     "simulate demo -o text.mcap/x.mcap": (1, None),
+    "process s3://": (
+        1,
+        "tablemap: expected a place such as s3://BUCKET/lap.mcap, found 's3://'.",
+    ),
+    "process text.mcap --near nan 1": (
+        2,
+        "tablemap: expected best, all or a place (x, y) in metres; found [nan, 1.0].",
+    ),
+    "process text.mcap --start tomorrow": (
+        2,
+        "tablemap: topics.start = 'tomorrow' is not allowed: expected seconds, or a date and time "
+        "such as 2026-11-22T08:59:56.",
+    ),
+    "process text.mcap --set seed=-1": (
+        2,
+        "tablemap: seed = -1 is not allowed: input should be greater than or equal to 0.",
+    ),
+    "process text.mcap --set review.level=loud": (2, None),
+    "process text.mcap --set topics.depth=5": (2, None),
+    "process text.mcap --scheduler nowhere": (1, None),
+    "process @list.txt": (2, "tablemap: expected a recording a line, found none: list.txt"),
+    "process @runs": (2, None),
+    "process text.mcap none.mcap --together": (1, None),
+    "process text.mcap --config runs": (2, None),
+    "info text.mcap --set surface.x=1": (2, None),
+    "info text.mcap --start x": (2, None),
+    "convert text.mcap -o out.mcap": (1, None),
+    "convert none.mcap -o out.mcap": (1, None),
+    "export lap/run --to svg --set export.thickness=-1": (2, None),
+    "export lap/run --to nav2 --set export.resolution=0": (2, None),
+    "export lap/run --to svg -o text.mcap": (1, None),
+    "export lap/failed --to svg": (1, None),
+    "export none.json --to svg": (1, None),
+    "view runs": (1, None),
+    "view text.mcap": (1, None),
+    "view text.rrd": (1, "tablemap: expected an .rrd, found something else: text.rrd"),
+    "view text.mcap --start x": (2, None),
+    "simulate bad.toml -o a.mcap": (2, None),
+    "simulate none.toml -o a.mcap": (2, None),
+    "evaluate lap/run": (1, None),
+    "evaluate lap/run --truth none.json": (1, None),
+    "evaluate lap/failed --truth text.mcap": (1, None),
+    "config --config runs": (2, None),
+    "config --set =1": (2, None),
+    "runs list . --where depth<1": (2, None),
+    "runs list runs --until 2026-13-01": (2, None),
+    "runs show lap/none": (1, None),
+    "runs compare lap/run lap/failed": (1, None),
+    "runs verify runs": (1, None),
+    "runs reprocess lap/run": (
+        1,
+        "tablemap: the run's recording is gone; put it back at /gone/lap.mcap",
+    ),
+    "runs prune none --keep 1": (1, None),
+    "runs pack lap/run -o runs": (1, None),
+    "runs unpack none.zst": (1, None),
+    "runs unpack runs": (1, None),
     "config --set a.b=1": (2, "tablemap: there is no setting 'a'; the nearest is 'surface'."),
 }
 """What is wrong: the exit code and the whole of stderr (None: one line that begins so)."""
@@ -290,7 +358,11 @@ def test_every_error_is_one_sentence(tmp_path: Path) -> None:
     """Nothing on stdout, one line on stderr, no traceback and no defect."""
     (tmp_path / "text.mcap").write_text("this is text\n")
     (tmp_path / "bad.toml").write_text("a = [\n")
+    (tmp_path / "list.txt").write_text("# none yet\n")
+    (tmp_path / "text.rrd").write_text("no review")
     (tmp_path / "runs").mkdir()
+    make_run(tmp_path, "lap/run", rectangle_model())
+    make_run(tmp_path, "lap/failed", None, status="failed")
     (tmp_path / "dangling").mkdir()
     (tmp_path / "dangling" / "latest").symlink_to("gone")
     for command, (expected_code, sentence) in WRONG.items():

@@ -141,6 +141,12 @@ def is_whole(file: Path) -> bool:
         return FOOTER in stream.read()
 
 
+def is_cut(file: Path) -> bool:
+    """Tell whether a file begins as an .rrd and lacks its footer."""
+    with file.open("rb") as stream:
+        return stream.read(len(MAGIC)) == MAGIC and not is_whole(file)
+
+
 def mended(file: Path, folder: Path) -> Path:
     """Return a complete .rrd: the file itself, or a repaired copy in ``folder`` if it was cut.
 
