@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import signal
 import sys
 from typing import Annotated
 
@@ -40,6 +41,8 @@ def main() -> None:
     except SystemExit as end:
         told = interrupts.received
         sys.exit(128 + told[0] if told and end.code == 130 else end.code)
+    except KeyboardInterrupt:  # before Typer takes care of them
+        sys.exit(128 + (interrupts.received or [signal.SIGINT])[0])
     except Exception as error:
         complain(_sentence(error))
         sys.exit(2 if isinstance(error, ConfigError) else 1)

@@ -10,9 +10,12 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from unittest import mock
 
 import pytest
 
+from tablemap.cli.app import main
+from tablemap.interrupts import Interrupts
 from tests.making.command import TABLEMAP, tablemap, tablemap_here
 from tests.making.models import rectangle_model
 from tests.making.run_folders import make_run
@@ -470,3 +473,18 @@ def test_help_loads_nothing_heavy(command: str) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_an_interruption_before_any_command_is_no_traceback(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """While the commands are still being made, the exit code alone says it."""
+
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("tablemap.cli.app.app", interrupted)
+    with mock.patch.object(Interrupts, "listen"), pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 130
+    assert capsys.readouterr().err == ""
