@@ -483,7 +483,7 @@ def test_an_interruption_before_any_command_is_no_traceback(
     def interrupted() -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("tablemap.cli.app.app", interrupted)
+    monkeypatch.setattr(sys.modules["tablemap.cli.app"], "app", interrupted)
     with mock.patch.object(Interrupts, "listen"), pytest.raises(SystemExit) as end:
         main()
     assert end.value.code == 130
