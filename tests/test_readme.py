@@ -15,10 +15,15 @@ from PIL import Image
 import tablemap
 from tablemap.errors import WARNING_CODES
 from tablemap.model import TableModel
+from tablemap.review.viewer import viewer
 from tablemap.review.viewer.catalog import served_catalog
+from tests.making.command import tablemap_here
 
 README = Path(__file__).resolve().parent.parent / "README.md"
 CALLS = re.findall(r"`((?:tablemap|model)\.\w[^`]*\))`", README.read_text(encoding="utf-8"))
+COMMANDS = re.findall(
+    r"(?:`|^)tablemap ([^`\n]+)", README.read_text(encoding="utf-8"), flags=re.MULTILINE
+)
 URL = "rerun+http://127.0.0.1:51234"
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
@@ -101,6 +106,25 @@ def test_a_call_does_what_it_says(
         assert result.model is not None, result.error
         assert result.run is not None
         assert result.run.path.is_relative_to("runs") or result.run.path.is_relative_to(workplace)
+
+
+@pytest.mark.parametrize("command", sorted(set(COMMANDS)))
+def test_a_command_does_what_it_says(
+    command: str, workplace: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each as it is written; RUN stands for a run, and a viewer is not opened here."""
+    opened: list[Path] = []
+    monkeypatch.setattr(viewer, "open_viewer", opened.append)
+    if command.startswith("evaluate --suite"):  # scores twenty runs: only what it is told is read
+        command = "evaluate --help"
+    if not (workplace / "lap").exists():
+        (workplace / "lap").mkdir()
+        (workplace / "lap" / "lap.mcap").symlink_to(workplace / "lap.mcap")
+    done = tablemap_here(*command.replace("RUN", "runs/demo").split(), cwd=workplace)
+    # The recording is the begin of one, and so read in part.
+    assert done.returncode == (3 if command.startswith("process") else 0), done.stderr
+    assert len(opened) == command.startswith("view")
+    assert opened or done.stdout
 
 
 def test_every_function_is_among_the_calls() -> None:
