@@ -6,6 +6,7 @@ import numpy as np
 
 from tablemap.model import Dimension, Edge, Figure, TableModel
 from tablemap.review.markdown import MOST_ROWS, figure, links, metres, table
+from tablemap.words import counted
 
 MOST_SIDES = 12
 LEAST_WEIGHT = 0.005
@@ -55,7 +56,7 @@ def model(result: TableModel, *, magnified: tuple[float, float]) -> str:
             if other.score >= LEAST_WEIGHT
         ),
         "",
-        f"## {len(result.legs)} legs",
+        f"## {counted(len(result.legs), 'leg')}",
     ]
     if result.legs:
         lines.append(
@@ -78,7 +79,7 @@ def model(result: TableModel, *, magnified: tuple[float, float]) -> str:
     unused = [(k, one.reason) for k, one in enumerate(result.snapshots) if not one.used]
     if unused:
         lines += [f"- view {k} was not used: {reason}" for k, reason in unused[:MOST_ROWS]]
-    lines += ["", f"## {len(result.warnings)} warnings"]
+    lines += ["", f"## {counted(len(result.warnings), 'warning')}"]
     if result.warnings:
         lines += [f"- `{one.code}`: {one.message}" for one in result.warnings[:MOST_ROWS]]
     place, bands = magnified

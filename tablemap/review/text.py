@@ -20,6 +20,7 @@ from tablemap.stages.registration import Pair, Registration, StopCheck
 from tablemap.stages.segmentation import Segmentation, TableCandidate, TableRefused
 from tablemap.stages.snapshots import Snapshots
 from tablemap.stages.surface import Surface
+from tablemap.words import counted
 
 LEGEND = (
     "Sides are numbered; beside them lie their 95 % bands, in the middle that of the place, "
@@ -44,7 +45,7 @@ def snapshots(result: Snapshots) -> str:
     aside = Counter((one.what, one.reason) for one in result.set_aside)
     return "\n".join(
         [
-            f"## {len(result.snapshots)} snapshots",
+            f"## {counted(len(result.snapshots), 'snapshot')}",
             table(("snapshot", "x, y as localised", "heading", "images"), rows),
             "",
             f"- {result.camera}",
@@ -374,11 +375,11 @@ def legs(result: Legs) -> str:
     ]
     return "\n".join(
         [
-            f"## {len(result.legs)} legs",
+            f"## {counted(len(result.legs), 'leg')}",
             *[f"{links(legs='legs/names', points='legs/evidence')}\n" for _ in found[:1]],
             table(("leg", "x, y", "sigma", "size", "status", "views"), found) if found else "",
             "",
-            f"## {len(result.rejected)} clusters set aside",
+            f"## {counted(len(result.rejected), 'cluster')} set aside",
             *rejected,
         ]
     )
