@@ -127,7 +127,9 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
 
     def attempt(calibration: Calibration, segmentation: Segmentation) -> Processed:
         seen = _Seen(recording, taken, calibration, segmentation, odometry)
-        return _model(seen, config, tables, record, stage)
+        done = _model(seen, config, tables, record, stage)
+        _check_choice(done.model)
+        return done
 
     try:
         return attempt(adjusted, segmentation)
@@ -153,6 +155,17 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
         except EstimationError:
             continue
     raise EstimationError(none_gave_a_table(failure, rough.candidates)) from failure
+
+
+def _check_choice(model: TableModel) -> None:
+    """Raise `EstimationError` for a second choice with unseen sides: a step or a shelf has some."""
+    codes = {warning.code for warning in model.warnings}
+    if {"accuracy.second_choice", "accuracy.unseen_side"} <= codes:
+        raise EstimationError(
+            "the surface that looked most like a table gave none, and of the next one "
+            f"({model.surface.height.value:.2f} m high) not all sides were seen, so that it may be "
+            "anything; record views from more sides of the table"
+        )
 
 
 @dataclass(frozen=True, eq=False)

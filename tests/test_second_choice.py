@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -9,9 +10,10 @@ import numpy as np
 import pytest
 
 from tablemap import pipeline
-from tablemap.errors import EstimationError
+from tablemap.errors import EstimationError, ProcessWarning
 from tablemap.model import TableModel
-from tablemap.recording import Recording
+from tablemap.model.table import WarningEntry
+from tablemap.recording import Recording, open_recording
 from tablemap.stages.segmentation import Segmentation, TableCandidate
 from tablemap.stages.snapshots.result import UNKNOWN_CAMERA
 from tests.making.models import rectangle_model
@@ -33,6 +35,7 @@ class Stages:
         self.failing = failing
         self.tried: list[float] = []
         self.models: list[Segmentation] = []
+        self.doubts: list[ProcessWarning] = []
         nothing = SimpleNamespace(
             snapshots=(),
             mounting=None,
@@ -88,7 +91,11 @@ class Stages:
     def assemble(self, findings: Any) -> TableModel:
         """Return a model, and keep what it was made of."""
         self.models.append(findings.segmentation)
-        return rectangle_model()
+        warnings = tuple(
+            WarningEntry(stage=each.stage, code=each.code, message=each.message, stamp_ns=None)
+            for each in (*findings.segmentation.warnings, *self.doubts)
+        )
+        return rectangle_model().model_copy(update={"warnings": warnings})
 
 
 def process(tables: Any = "best") -> pipeline.Processed:
@@ -120,6 +127,26 @@ def test_where_none_gives_a_table_all_places_are_listed(monkeypatch: pytest.Monk
     assert "no surface at 1; no other candidate" in str(failed.value)
     for x in (1, 2, 3, 4):
         assert f"--near {x}.00 0.50 (0.70 m high)" in str(failed.value)
+
+
+def test_a_second_choice_with_unseen_sides_is_no_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stairs have steps that were seen in part: the run fails; a first choice may have such."""
+    unseen = ProcessWarning("accuracy.unseen_side", "surface", "1 of 4 sides was not seen")
+    stages = Stages(monkeypatch, {})
+    stages.doubts = [unseen]
+    assert process().model.warnings[-1].code == unseen.code
+    stages = Stages(monkeypatch, {1.0: "surface"})
+    stages.doubts = [unseen]
+    with pytest.raises(EstimationError, match="no surface at 1; no other candidate"):
+        process()
+    assert stages.tried == [1.0, 2.0, 4.0]
+
+
+def test_stairs_are_no_table(real_recordings: Path) -> None:
+    """Five views of a staircase end in one sentence."""
+    with pytest.raises(EstimationError) as failed:
+        pipeline.process(open_recording(real_recordings / "no_table_stairs.mcap"))
+    assert "\n" not in str(failed.value)
 
 
 def test_a_place_that_was_asked_for_has_no_second_choice(monkeypatch: pytest.MonkeyPatch) -> None:
