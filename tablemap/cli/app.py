@@ -44,6 +44,8 @@ def main() -> None:
     except KeyboardInterrupt:  # before Typer takes care of them
         sys.exit(128 + (interrupts.received or [signal.SIGINT])[0])
     except Exception as error:
+        if interrupts.received:  # compiled code made another error of it
+            sys.exit(128 + interrupts.received[0])
         complain(_sentence(error))
         sys.exit(2 if isinstance(error, ConfigError) else 1)
 
