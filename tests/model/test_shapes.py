@@ -166,9 +166,12 @@ def test_a_new_shape_is_drawn_with_its_lengths() -> None:
     assert "breadth 0.806 m" in drawing
     logged: dict[str, Any] = {}
     outline = np.array(blob().surface.outline)
-    log_dimensions(SimpleNamespace(log=logged.__setitem__), blob(), outline, 0.74)
-    labels = logged["model/dimensions"].labels.as_arrow_array().to_pylist()
-    assert labels[:2] == ["reach 1.187 m ± 2.0 mm", "breadth 0.806 m ± 2.0 mm"]
+    stream = SimpleNamespace(
+        log=logged.__setitem__, names=lambda path, _, texts: logged.__setitem__(path, list(texts))
+    )
+    log_dimensions(stream, blob(), outline, 0.74)
+    expected = ["reach 1.187 m ± 2.0 mm", "breadth 0.806 m ± 2.0 mm"]
+    assert logged["model/dimensions/names"][:2] == expected
     surface = next(one for one in made_up_run.results(stops=3) if isinstance(one, Surface))
     primitive = replace(
         surface.candidates[0],

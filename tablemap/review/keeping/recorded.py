@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tablemap.errors import ProcessWarning
-from tablemap.geometry import Floats, Ints
+from tablemap.geometry import Bools, Floats, Ints
 from tablemap.inputs import Input
 from tablemap.recording import DepthFrame, FrameNames, LaserScan, Recording
 
@@ -106,10 +106,18 @@ class KeptRecording(Recording):
         """See `Recording`."""
         return next(pose for scan, pose in self._scans if scan.stamp_ns == stamp_ns)
 
-    def fixed_from_base(self, stamp_ns: int) -> Floats | None:
+    def fixed_from_bases(self, stamps_ns: ArrayLike) -> tuple[Floats, Bools]:
         """See `Recording`."""
-        return self._fixed.get(stamp_ns)
+        return _kept_at(self._fixed, stamps_ns)
 
-    def odom_from_base(self, stamp_ns: int) -> Floats | None:
+    def odom_from_bases(self, stamps_ns: ArrayLike) -> tuple[Floats, Bools]:
         """See `Recording`."""
-        return self._odom.get(stamp_ns)
+        return _kept_at(self._odom, stamps_ns)
+
+
+def _kept_at(known: dict[int, Floats], stamps_ns: ArrayLike) -> tuple[Floats, Bools]:
+    """Return the (n, 4, 4) poses that were kept at (n,) stamps, and which of them were."""
+    stamps = np.asarray(stamps_ns, dtype=np.int64).tolist()
+    found = [known.get(stamp) for stamp in stamps]
+    poses = [np.eye(4) if pose is None else pose for pose in found]
+    return np.array(poses).reshape(-1, 4, 4), np.array([pose is not None for pose in found], bool)
