@@ -318,7 +318,9 @@ def surface(result: Surface) -> str:
             f"{one.score:.3f}",
             f"{one.cost:.1f}",
             f"{100 * one.inlier_fraction:.0f} %",
-            " x ".join(figure(name, size.value, None) for name, size in one.dimensions.items()),
+            ", ".join(
+                f"{name} {figure(name, size.value, None)}" for name, size in one.dimensions.items()
+            ),
         )
         for one in sorted(result.candidates, key=lambda one: -one.score)
     ]
