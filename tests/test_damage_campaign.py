@@ -29,8 +29,7 @@ import tablemap
 from tablemap.errors import LOSSES, TablemapError
 from tablemap.model import TableModel
 from tablemap.recording import Recording
-from tablemap.simulation import Scenario, simulate, write
-from tablemap.simulation.scenario import CameraSection, LegsSection, Robot, Table
+from tests.making.rewriting import simulate_plain
 
 CUTS, FLIPS = 200, 500
 MOST_REFUSED = 0.02
@@ -46,24 +45,10 @@ Result = tuple[str, str]
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small recording of an ordinary lap: eight stops, in two dozen chunks."""
-    scenario = Scenario(
-        name="small",
-        description="a rectangle on four legs",
-        table=Table(
-            shape="rectangle",
-            length=1.2,
-            width=0.8,
-            height=0.755,
-            size_spread=0,
-            legs=LegsSection(size=0.06, inset=0.07),
-        ),
-        robot=Robot(images_per_stop=1, colour=False, standing_scan_rate=4),
-        camera=CameraSection(width=160, height=120),
-    )
     folder = tmp_path_factory.mktemp("campaign")
-    write(simulate(scenario, seed=1, nominal=True), folder / "whole.mcap", profile="ros1")
+    whole = simulate_plain(folder, width=160, profile="ros1")
     target = folder / "sound.mcap"
-    with (folder / "whole.mcap").open("rb") as source, target.open("wb") as stream:
+    with whole.open("rb") as source, target.open("wb") as stream:
         writer = Writer(stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         writer.start("ros1", "test")
         channels: dict[int, int] = {}

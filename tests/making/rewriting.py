@@ -22,6 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from tablemap.geometry import Pose2
 from tablemap.simulation import Scenario, simulate, write
+from tablemap.simulation.ros import Profile
 from tablemap.simulation.scenario import CameraSection, LegsSection, Robot, Table
 from tests.making.messages import ROS1, ROS2, png
 
@@ -59,8 +60,8 @@ class Entry:
 Change = Callable[[Entry], Iterable[Entry]]
 
 
-def simulate_plain(folder: Path) -> Path:
-    """Write a cheap recording of an ordinary table: eight stops, an image of 320 x 240 at each."""
+def simulate_plain(folder: Path, *, width: int = 320, profile: Profile = "ros2") -> Path:
+    """Write a cheap recording of an ordinary table: eight stops, a small image at each."""
     scenario = Scenario(
         name="plain",
         description="a rectangle on four legs",
@@ -73,10 +74,10 @@ def simulate_plain(folder: Path) -> Path:
             legs=LegsSection(size=0.06, inset=0.07),
         ),
         robot=Robot(images_per_stop=1, colour=False, standing_scan_rate=4),
-        camera=CameraSection(width=320, height=240),
+        camera=CameraSection(width=width, height=width * 3 // 4),
     )
     path = folder / "plain.mcap"
-    write(simulate(scenario, seed=1, nominal=True), path, profile="ros2")
+    write(simulate(scenario, seed=1, nominal=True), path, profile=profile)
     return path
 
 
