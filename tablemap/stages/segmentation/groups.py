@@ -94,10 +94,10 @@ def _levels(group: Group) -> list[Group]:
     for height in heights[np.argsort(-density, kind="stable")].tolist():
         if all(abs(height - mode) >= _LEVEL_STEP for mode in modes):
             modes.append(height)
+    nearest = np.abs(heights[:, None] - np.array(modes)).argmin(axis=1)
     levels: list[Group] = []
-    for mode in sorted(modes):
-        nearest = np.abs(heights[:, None] - np.array(modes)).argmin(axis=1)
-        own = [p for p, at in zip(group.patches, nearest, strict=True) if modes[at] == mode]
+    for level_at in np.argsort(modes, kind="stable").tolist():
+        own = [p for p, at in zip(group.patches, nearest.tolist(), strict=True) if at == level_at]
         if levels:
             shared = {p.view for p in levels[-1].patches} & {p.view for p in own}
             if len(shared) < _LEVEL_VIEWS:
