@@ -7,12 +7,22 @@ from typing import Annotated
 
 import typer
 
+from tablemap.cli import completing
 from tablemap.cli.commands import Commands
 from tablemap.remote import is_remote
 
 runs_app = Commands(no_args_is_help=True, rich_markup_mode=None)
 
 Runs = Annotated[Path, typer.Argument(help="Folder of run folders.", metavar="DIR")]
+Statuses = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--status",
+        help="Only this status; repeatable.",
+        metavar="STATUS",
+        autocompletion=completing.statuses,
+    ),
+]
 Run = Annotated[str, typer.Argument(help="Run folder.", metavar="RUN")]
 
 

@@ -21,7 +21,7 @@ from tablemap.cli.printing import (
     stdout_console,
 )
 from tablemap.cli.process import process_one
-from tablemap.cli.runs.app import Run, Runs, check_output, runs_app
+from tablemap.cli.runs.app import Run, Runs, Statuses, check_output, runs_app
 from tablemap.words import counted
 
 
@@ -86,15 +86,7 @@ def prune_(
         float | None,
         typer.Option("--older-than", min=0, help="Begun more than DAYS days ago.", metavar="DAYS"),
     ] = None,
-    status: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--status",
-            help="Only this status; repeatable.",
-            metavar="STATUS",
-            autocompletion=completing.statuses,
-        ),
-    ] = None,
+    status: Statuses = None,
     keep: Annotated[
         int | None,
         typer.Option("--keep", min=0, help="Keep the newest N that have a model.", metavar="N"),

@@ -13,7 +13,7 @@ import typer
 from tablemap.cli import completing
 from tablemap.cli.options import Json
 from tablemap.cli.printing import aligned, metres_text, say, size_text
-from tablemap.cli.runs.app import Runs, runs_app
+from tablemap.cli.runs.app import Runs, Statuses, runs_app
 
 if TYPE_CHECKING:
     from tablemap.archive.index import RunRow
@@ -34,15 +34,7 @@ def list_(
             autocompletion=completing.shapes,
         ),
     ] = None,
-    status: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--status",
-            help="Only this status; repeatable.",
-            metavar="STATUS",
-            autocompletion=completing.statuses,
-        ),
-    ] = None,
+    status: Statuses = None,
     verdict: Annotated[
         list[str] | None,
         typer.Option(
