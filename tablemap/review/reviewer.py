@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from tablemap.config import ReviewConfig
-from tablemap.errors import ProcessWarning, TablemapError
+from tablemap.errors import ProcessWarning
 from tablemap.events import OfTable, OtherTable, RunFailed, StageFinished, StageStarted
 from tablemap.model import TableModel
 from tablemap.recording import Recording
 from tablemap.review import progress, sensors, story, supports
 from tablemap.review.alignment import Alignment
 from tablemap.review.blueprint import blueprint
+from tablemap.review.closing import Closing
 from tablemap.review.crosscheck import log_cross_check
 from tablemap.review.current import log_localised_stops, log_registered_stops
 from tablemap.review.legend import log_legends
@@ -43,7 +43,7 @@ ALWAYS = (RunFailed, TableModel, OtherTable)
 """Results that are drawn even at level ``off``: the models, or the failure."""
 
 
-class Reviewer:
+class Reviewer(Closing):
     """Writes an .rrd during a run; call it with each result and event.
 
     ``path`` is written in place and is readable after every stage, even if the run is killed.
@@ -190,19 +190,3 @@ class Reviewer:
     def close(self) -> None:
         """Write the remaining rows and the footer; a second call does nothing."""
         self._stream.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        try:
-            self.close()
-        except TablemapError:
-            # The error that ended the run matters more than the error of the file.
-            if error is None:
-                raise

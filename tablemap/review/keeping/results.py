@@ -7,12 +7,12 @@ import zipfile
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from tablemap.config import ReviewConfig
 from tablemap.errors import TablemapError
 from tablemap.files import whole_file
+from tablemap.review.closing import Closing
 from tablemap.review.keeping.codec import EVENTS, Encoder, decoded
 from tablemap.review.keeping.recorded import (
     KeptRecording,
@@ -23,7 +23,7 @@ from tablemap.review.keeping.recorded import (
 from tablemap.review.keeping.reduced import Reduction
 
 
-class Keeper:
+class Keeper(Closing):
     """Writes the results and events of a run; call it with each of them.
 
     The file appears when it is closed, however the run ended. At level ``off`` there is none.
@@ -72,21 +72,6 @@ class Keeper:
             f"the run's results cannot be written ({error.strerror}); free some space or choose "
             f"another --output: {self._path}"
         )
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        try:
-            self.close()
-        except TablemapError:
-            if error is None:
-                raise
 
 
 def replayed(file: Path) -> Iterator[object]:
