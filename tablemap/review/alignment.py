@@ -12,6 +12,7 @@ from tablemap import palette
 from tablemap.geometry import Pose2, transform
 from tablemap.review import colours, text
 from tablemap.review.clouds import raised
+from tablemap.review.current import camera_of_stop
 from tablemap.review.motion import log_correction, log_trajectory
 from tablemap.review.pairs import Pairs
 from tablemap.review.stream import FEW_STOPS, Stream
@@ -75,6 +76,7 @@ class Alignment:
         _log_stops(stream, "registration/stops", poses, registration.used)
         _log_stops(stream, "registration/localised_stops", scene.localised, registration.used)
         _log_bases(stream, registration)
+        _log_way_of_cameras(stream, registration)
         _log_pairs(stream, registration)
         _log_graph(stream, registration)
         _log_residuals(stream, registration)
@@ -98,12 +100,8 @@ def _log_stops(stream: Stream, path: str, poses: Sequence[Pose2], used: tuple[bo
     is_few = len(poses) <= FEW_STOPS
     strips, tints, labels = [], [], []
     for index, pose in enumerate(poses[: len(stream.scene.cameras)]):
-        frustum = stream.scene.cameras[index][1]
-        frustum = frustum[0] + (1.0 if is_few else MANY_SHARE) * (frustum - frustum[0])
-        centre, *corners = transform(pose.lifted(), frustum)
-        ring = [*corners, corners[0]]
-        spokes = [point for corner in corners for point in (centre, corner)]
-        strips.append(np.array([*ring, *spokes], dtype=np.float32))
+        share = 1.0 if is_few else MANY_SHARE
+        strips.append(camera_of_stop(stream.scene, index, pose, share=share))
         tints.append(colours.of_stop(index) if used[index] else palette.LEFT_OUT.on_dark)
         labels.append(str(index) if used[index] else f"{index} (not used)")
     if strips:
@@ -127,9 +125,7 @@ def _log_bases(stream: Stream, registration: Registration) -> None:
         return
     is_few = len(poses) <= FEW_STOPS
     ahead = [pose.rotate(np.array([BASE_ARROW, 0.0])) for pose in poses]
-    labels = [""] * len(poses)
-    for views in text.from_one_place(poses):
-        labels[views[0]] = text.numbered(views)
+    labels = base_labels(poses)
     stream.log(
         "registration/bases",
         rr.Arrows3D(
@@ -146,6 +142,26 @@ def _log_bases(stream: Stream, registration: Registration) -> None:
     )
     places = raised(np.array([pose.translation for pose in poses]), FLOOR)
     stream.names("registration/bases/names", places, labels, shown=is_few)
+
+
+def _log_way_of_cameras(stream: Stream, registration: Registration) -> None:
+    """Draw the way through the stops' cameras: that on the floor may lie under the table."""
+    tips = _eyes(stream, registration.map_from_base[: len(stream.scene.cameras)])
+    if len(tips) > 1:
+        stream.log(
+            "trajectory/cameras",
+            rr.LineStrips3D(
+                [tips], colors=[palette.REGISTERED.on_dark], radii=rr.Radius.ui_points(1.0)
+            ),
+        )
+
+
+def base_labels(poses: Sequence[Pose2]) -> list[str]:
+    """Return the numbers of the stops; one that shares its place with others stays without."""
+    labels = [""] * len(poses)
+    for views in text.from_one_place(poses):
+        labels[views[0]] = text.numbered(views)
+    return labels
 
 
 def _log_pairs(stream: Stream, registration: Registration) -> None:

@@ -9,12 +9,13 @@ import rerun.blueprint as rrb
 
 from tablemap import palette
 from tablemap.review.eyes import (
-    WHOLE,
     Overrides,
-    between_stops,
     of_pairs,
     of_table,
+    overview_eye,
     round_table,
+    seen_from,
+    table_eye,
 )
 from tablemap.review.legend import with_legend
 from tablemap.review.stream import FEW_STOPS, DrawnScene
@@ -83,7 +84,7 @@ def _overview(scene: DrawnScene) -> rrb.Container:
         "/surface/beside/**",
         "/registration/bases/**" if len(scene.localised) <= FEW_STOPS else "/registration/stops/**",
         "/registration/after/scan/**",
-        "/trajectory/registered",
+        "/trajectory/registered" if len(scene.localised) <= FEW_STOPS else "/trajectory/cameras",
         "/story/**",
         "/stop/**",
     ]
@@ -107,15 +108,7 @@ def _overview(scene: DrawnScene) -> rrb.Container:
             "/robot/**",
             "/camera",
         ]
-    space = round_table(
-        scene,
-        "Table and stops",
-        shown,
-        reach=WHOLE * scene.extent,
-        steepness=1.3,
-        aside=between_stops(scene),
-        overrides=_quiet(scene),
-    )
+    space = seen_from(overview_eye(scene), scene, "Table and stops", shown, overrides=_quiet(scene))
     right: list[Contents] = [_text("/summary", "Summary")]
     if scene.localised:
         image = _image(scene, "colour" if scene.has_colour and scene.colour_fits else "depth")
@@ -227,7 +220,13 @@ def _registration(scene: DrawnScene) -> rrb.Container:
     ]
     all_pairs: Overrides = {"/registration/graph_in_map": rrb.EntityBehavior(visible=False)}
     before = ["/registration/before/**", "/registration/localised_stops/**"]
-    paths = ["/trajectory/**", "- /trajectory/registered", stops, "/registration/graph_before"]
+    paths = [
+        "/trajectory/**",
+        "- /trajectory/registered",
+        "- /trajectory/cameras",
+        stops,
+        "/registration/graph_before",
+    ]
     return rrb.Vertical(
         rrb.Horizontal(
             round_table(scene, "As localised", before, steepness=4.0),
@@ -376,7 +375,7 @@ def _table(number: int, scene: DrawnScene) -> rrb.Container:
     return _beside(
         f"Table {number:02d}",
         1.4,
-        of_table(scene, "Table beside the chosen one", shown, steepness=1.3, reach=WHOLE),
+        seen_from(table_eye(scene), scene, "Table beside the chosen one", shown),
         rrb.Tabs(
             _text(f"{below}/summary", "Summary"),
             _text(f"{below}/surface/summary", "Choice"),

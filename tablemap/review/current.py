@@ -12,10 +12,27 @@ from tablemap import palette
 from tablemap.geometry import Pose2, transform
 from tablemap.review import colours
 from tablemap.review.clouds import raised
-from tablemap.review.stream import Stream
+from tablemap.review.stream import DrawnScene, Stream
 from tablemap.stages.registration import Registration
 
+DEPTH_SHARE = 0.28  # of the table's reach
+LEAST_DEPTH, MOST_DEPTH = 0.05, 0.2  # metres
 LARGER = 1.8  # than the other stops' cameras
+
+
+def camera_of_stop(
+    scene: DrawnScene, index: int, pose: Pose2, *, share: float = 1.0
+) -> NDArray[np.float32]:
+    """Return a stop's camera as one line (n, 3), a pyramid whose tip comes last.
+
+    Its size follows the table's, which is known from the candidates on, times ``share``.
+    """
+    tip, *corners = scene.cameras[index][1]
+    depth = float(np.clip(DEPTH_SHARE * scene.extent, LEAST_DEPTH, MOST_DEPTH))
+    corners = [tip + share * depth * (corner - tip) for corner in corners]
+    spokes = [point for corner in corners for point in (corner, tip)]
+    ring = [*corners, corners[0]]
+    return transform(pose.lifted(), np.array([*ring, *spokes])).astype(np.float32)
 
 
 def log_localised_stops(stream: Stream) -> None:
@@ -48,19 +65,21 @@ def log_registered_stops(stream: Stream, registration: Registration) -> None:
 
 def _log_cameras(stream: Stream, poses: Sequence[Pose2], used: Sequence[bool]) -> None:
     scene = stream.scene
-    for index, (pose, (_, frustum)) in enumerate(zip(poses, scene.cameras, strict=False)):
-        larger = frustum[0] + LARGER * (frustum - frustum[0])
-        centre, *corners = transform(pose.lifted(), larger)
-        spokes = [point for corner in corners for point in (centre, corner)]
+    for index, pose in enumerate(poses[: len(scene.cameras)]):
+        line = camera_of_stop(scene, index, pose, share=LARGER)
         stream.at_stop(scene.stamps_ns[index], index)
         stream.log(
             "stop/camera",
             rr.LineStrips3D(
-                [np.array([*corners, corners[0], *spokes], dtype=np.float32)],
+                [line],
                 colors=[colours.of_stop(index) if used[index] else palette.LEFT_OUT.on_dark],
                 radii=rr.Radius.ui_points(3.0),
             ),
         )
-        name = f"stop {index}" if used[index] else f"stop {index}, not used"
-        stream.names("stop/camera/names", [centre], [name])
+        stream.names("stop/camera/names", line[-1:], [name_of(index, is_used=used[index])])
     stream.hold()
+
+
+def name_of(index: int, *, is_used: bool) -> str:
+    """Return the name of the stop at the cursor."""
+    return f"stop {index}" if is_used else f"stop {index}, not used"

@@ -11,15 +11,22 @@ from tablemap.geometry import Floats, Pose2
 from tablemap.model import Figure, TableModel
 from tablemap.model.shapes import shape_named
 from tablemap.review import colours
+from tablemap.review.room import Room
 from tablemap.review.stream import Stream
 
 DIMENSION_OFFSET = 0.18
 TICK = 0.04  # metres by which extension lines pass the dimension lines
 MOST_LABELLED_EDGES = 12
+LINE_PX = 5
 
 
-def log_dimensions(stream: Stream, model: TableModel, outline: Floats, top: float) -> None:
-    """Log the named lengths, or a polygon's sides, and the height ``top`` above the floor."""
+def log_dimensions(
+    stream: Stream, model: TableModel, outline: Floats, top: float, room: Room
+) -> None:
+    """Log the named lengths, or a polygon's sides, and the height ``top`` above the floor.
+
+    Their names stand where ``room`` is clear, away from the table.
+    """
     lines: list[Floats] = []
     labels: list[str] = []
     tints: list[palette.Colour] = []
@@ -48,8 +55,15 @@ def log_dimensions(stream: Stream, model: TableModel, outline: Floats, top: floa
             lines, labels=labels, colors=tints, radii=rr.Radius.ui_points(2.0), show_labels=False
         ),
     )
+    for line in lines:
+        room.take_line(line, width=LINE_PX)
+    centre = np.array([model.surface.pose.x, model.surface.pose.y])
     middles = [line.mean(axis=0) for line in lines]
-    stream.names("model/dimensions/names", middles, labels)
+    places = [
+        room.place(label, middle, away=middle[:2] - centre)
+        for label, middle in zip(labels, middles, strict=True)
+    ]
+    stream.names("model/dimensions/names", places, labels)
     if extensions:
         stream.log(
             "model/dimensions/extensions",

@@ -11,6 +11,7 @@ import rerun.blueprint as rrb
 
 from tablemap import palette
 from tablemap.review.pairs import FRAME
+from tablemap.review.room import Eye
 from tablemap.review.stream import DrawnScene
 
 ROUND = 2.3
@@ -21,6 +22,8 @@ WHOLE = 3.3
 """The same for the whole table with its numbers."""
 ABOVE = 2.1
 """The same for the grid of pairs, from straight above."""
+STEEPNESS = 1.3
+"""Rise of the eye of the first view for each metre that it stands back."""
 MOST_ROUND = 4.0
 BESIDE = 0.2  # metres: the numbers beside the table
 EYE_ASIDE = 0.3  # radians from straight before the table, so that two of its sides are visible
@@ -33,27 +36,36 @@ Overrides = dict[Any, Override]
 """By the path of the entity."""
 
 
+def overview_eye(scene: DrawnScene) -> Eye:
+    """Return the eye of the first view: of the whole table and the stops round it."""
+    reach = max(ROUND * _surround(scene), WHOLE * scene.extent)
+    return _eye(scene, _middle(scene), reach, STEEPNESS, between_stops(scene))
+
+
+def table_eye(scene: DrawnScene) -> Eye:
+    """Return the eye of a view of the whole table alone."""
+    return _eye(scene, scene.centre or (0.0, 0.0), WHOLE * scene.extent, STEEPNESS)
+
+
 def round_table(
     scene: DrawnScene,
     name: str,
     contents: list[str],
     *,
     steepness: float,
-    reach: float = 0.0,
-    aside: float = 0.0,
     overrides: Overrides | None = None,
 ) -> rrb.Spatial3DView:
-    """Return a 3D view of the table and the stops round it; see `_space`."""
-    reach = max(ROUND * _surround(scene), reach)
-    return _space(scene, name, contents, _middle(scene), reach, steepness, aside, overrides)
+    """Return a 3D view of the table and the stops round it, from ``steepness``; see `_eye`."""
+    eye = _eye(scene, _middle(scene), ROUND * _surround(scene), steepness)
+    return seen_from(eye, scene, name, contents, overrides=overrides)
 
 
 def of_table(
-    scene: DrawnScene, name: str, contents: list[str], *, steepness: float, reach: float = NEAR
+    scene: DrawnScene, name: str, contents: list[str], *, steepness: float
 ) -> rrb.Spatial3DView:
-    """Return a 3D view of the table alone; see `_space`."""
+    """Return a 3D view of the table alone, from ``steepness``; see `_eye`."""
     place = scene.centre or (0.0, 0.0)
-    return _space(scene, name, contents, place, reach * scene.extent, steepness)
+    return seen_from(_eye(scene, place, NEAR * scene.extent, steepness), scene, name, contents)
 
 
 def of_pairs(scene: DrawnScene, name: str) -> rrb.Spatial3DView:
@@ -114,30 +126,38 @@ def _surround(scene: DrawnScene) -> float:
     return max(float(away[away <= most].max(initial=0.0)), table)
 
 
-def _space(
+def _eye(
     scene: DrawnScene,
-    name: str,
-    contents: list[str],
     place: tuple[float, float],
     reach: float,
     steepness: float,
     aside: float = 0.0,
-    overrides: Overrides | None = None,
-) -> rrb.Spatial3DView:
-    """Return a 3D view that looks at a place from ``reach`` metres away, the table's length across.
+) -> Eye:
+    """Return an eye that looks at a place from ``reach`` metres away, the table's length across.
 
     ``steepness`` is the rise of the eye for each metre that it stands back; ``aside`` is the angle
     (radians) between the eye and straight before the table.
     """
-    frame = scene.names.fixed if scene.names else "map"
     back = reach / math.hypot(1.0, steepness)
     target = (*place, 0.8 * scene.height)
     heading = scene.yaw - math.pi / 2 + (aside or EYE_ASIDE / max(steepness, 1.0) ** 2)
-    eye = (
+    position = (
         place[0] + back * math.cos(heading),
         place[1] + back * math.sin(heading),
         target[2] + steepness * back,
     )
+    return Eye(position, target)
+
+
+def seen_from(
+    eye: Eye,
+    scene: DrawnScene,
+    name: str,
+    contents: list[str],
+    *,
+    overrides: Overrides | None = None,
+) -> rrb.Spatial3DView:
+    """Return a 3D view in the map that begins at an eye."""
     return rrb.Spatial3DView(
         name=name,
         origin="/",
@@ -145,8 +165,13 @@ def _space(
         overrides=overrides,
         background=palette.BACKGROUND,
         line_grid=rrb.LineGrid3D(color=GRID),
-        spatial_information=rrb.SpatialInformation(target_frame=frame),
+        spatial_information=rrb.SpatialInformation(
+            target_frame=scene.names.fixed if scene.names else "map"
+        ),
         eye_controls=rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital, position=eye, look_target=target, eye_up=(0.0, 0.0, 1.0)
+            kind=rrb.Eye3DKind.Orbital,
+            position=eye.position,
+            look_target=eye.target,
+            eye_up=(0.0, 0.0, 1.0),
         ),
     )

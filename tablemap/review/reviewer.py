@@ -21,6 +21,7 @@ from tablemap.review.crosscheck import log_cross_check
 from tablemap.review.current import log_localised_stops, log_registered_stops
 from tablemap.review.legend import log_legends
 from tablemap.review.motion import MotionDrawing
+from tablemap.review.naming import Naming
 from tablemap.review.perception import Perception
 from tablemap.review.projection import Projection
 from tablemap.review.solid import log_model
@@ -61,7 +62,7 @@ class Reviewer(Closing):
             Alignment(),
             TopDrawing(),
         )
-        projection, telling = Projection(), Telling()
+        projection, telling, naming = Projection(), Telling(), Naming()
 
         def draw_snapshots(stream: Stream, taken: Snapshots) -> None:
             sensors.log_snapshots(stream, taken)
@@ -79,6 +80,7 @@ class Reviewer(Closing):
             top.take_poses(registration.map_from_base)
             projection.take_used(registration.used)
             telling.take_poses(registration.map_from_base)
+            naming.take_registration(registration)
             tables.take_poses(registration.map_from_base)
             alignment.log_registration(stream, registration)
             log_registered_stops(stream, registration)
@@ -105,10 +107,15 @@ class Reviewer(Closing):
             projection.log_edges(stream, outline)
 
         def draw_model(stream: Stream, model: TableModel) -> None:
-            log_model(stream, model)
+            room = log_model(stream, model, lines=naming.lines(stream))
             if stream.config.level != "off":
                 telling.end(stream)
+            naming.log_beside(stream, room)
             projection.log_model(stream, model)
+
+        def draw_other(stream: Stream, other: OtherTable) -> None:
+            tables.log_outcome(stream, other)
+            naming.log_other(stream, other)
 
         def draw_failure(stream: Stream, failed: RunFailed) -> None:
             perception.log_as_far_as_it_came(stream)
@@ -140,7 +147,7 @@ class Reviewer(Closing):
             Legs: supports.log_legs,
             TableModel: draw_model,
             OfTable: tables.log_result,
-            OtherTable: tables.log_outcome,
+            OtherTable: draw_other,
         }
         log_legends(self._stream)
         self._stream.hold()

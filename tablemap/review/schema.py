@@ -34,6 +34,7 @@ ENTITIES = {
     "/camera/model/*": "LineStrips2D in the image: outline, underside, legs; dashed: not measured",
     "/laser/scan": "Points3D in the laser frame: the scan nearest to the snapshot",
     "/trajectory/*": "LineStrips3D of the base: localised, wheels, odometry, registered",
+    "/trajectory/cameras": "LineStrips3D: the way through the stops' cameras as registered",
     "/trajectory/correction": "LineStrips3D: the registered way, by how far localisation was off",
     "/calibration/summary": "TextDocument: the camera's corrections",
     "/calibration/floor_rms_mm": "BarChart: the floor before and after",

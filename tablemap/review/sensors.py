@@ -197,9 +197,9 @@ def scan_points(scan: LaserScan) -> rr.Points3D:
 
 
 def _frustum(snapshot: Snapshot) -> Floats:
-    """Return the (5, 3) corners of the camera's view at a depth of 0.2 m, its centre first."""
+    """Return the (5, 3) corners of the camera's view at a depth of 1 m, its centre first."""
     camera = snapshot.camera
     u = (np.array([0, camera.width, camera.width, 0]) - camera.cx) / camera.fx
     v = (np.array([0, 0, camera.height, camera.height]) - camera.cy) / camera.fy
-    corners = 0.2 * np.column_stack([u, v, np.ones(4)])
+    corners = np.column_stack([u, v, np.ones(4)])
     return transform(snapshot.base_from_camera, np.concatenate([np.zeros((1, 3)), corners]))

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 import rerun as rr
 import shapely
+from numpy.typing import NDArray
 
 from tablemap import palette
-from tablemap.geometry import Floats
+from tablemap.geometry import Floats, Pose2
 from tablemap.model import TableLeg, TableModel
 from tablemap.model.shapes import shape_named
 from tablemap.review import colours, story
 from tablemap.review.clouds import raised
 from tablemap.review.dimensions import log_dimensions
-from tablemap.review.stream import Stream
-from tablemap.review.supports import LEG_WITHOUT_SIZE
+from tablemap.review.eyes import overview_eye
+from tablemap.review.room import Eye, Room
+from tablemap.review.stream import DrawnScene, Stream
+from tablemap.review.supports import LEG_WITHOUT_SIZE, section
 
 DRAWN_THICKNESS = 0.03
 MAGNIFICATIONS = (50.0, 20.0, 10.0, 5.0, 2.0, 1.0)
@@ -24,16 +29,25 @@ ELLIPSE_95 = 2.448
 
 
 def log_model(
-    stream: Stream, model: TableModel, *, tint: palette.Colour = palette.MODEL.on_dark
-) -> None:
-    """Log top and legs as solids, dimension lines with numbers, and magnified 95 % bands."""
+    stream: Stream,
+    model: TableModel,
+    *,
+    tint: palette.Colour = palette.MODEL.on_dark,
+    eye_of: Callable[[DrawnScene], Eye] = overview_eye,
+    lines: Sequence[NDArray[np.floating]] = (),
+) -> Room:
+    """Log top and legs as solids, dimension lines with numbers, and magnified 95 % bands.
+
+    ``eye_of`` gives the eye of the view that shows them, ``lines`` (n, 3) what else is drawn there.
+    Return the room that its picture has left.
+    """
     stream.hold()
     place, sides = _magnifications(model)
     stream.text("summary", story.model(model, magnified=(place, sides)))
     stream.scene.is_modelled = True
     outline = np.array(model.surface.outline, dtype=np.float64).reshape(-1, 2)
     if len(outline) < 3:
-        return
+        return Room(eye_of(stream.scene))
     thickness = model.surface.thickness.value if model.surface.thickness else DRAWN_THICKNESS
     top = model.floor_z + model.surface.height.value
     centre = np.array([model.surface.pose.x, model.surface.pose.y])
@@ -41,9 +55,25 @@ def log_model(
     stream.scene.yaw = model.surface.pose.yaw
     stream.scene.extent = float(np.linalg.norm(outline - centre, axis=1).max())
     _log_solids(stream, model, outline, thickness=thickness, tint=tint)
-    log_dimensions(stream, model, outline, top)
+    room = Room(eye_of(stream.scene))
+    take_model(room, model)
+    for line in lines:
+        room.take_line(line)
+    log_dimensions(stream, model, outline, top, room)
     _log_place(stream, model, top, magnified=place)
     _log_bands(stream, model, top, magnified=sides)
+    return room
+
+
+def take_model(room: Room, model: TableModel) -> None:
+    """Take the room of a model's top and legs."""
+    thickness = model.surface.thickness.value if model.surface.thickness else DRAWN_THICKNESS
+    top = model.floor_z + model.surface.height.value
+    room.take_solid(np.array(model.surface.outline).reshape(-1, 2), top - thickness, top)
+    for leg in model.legs:
+        sizes = {name: figure.value for name, figure in leg.dimensions.items()}
+        ring = section(leg.shape, Pose2(leg.x, leg.y, leg.yaw), sizes)
+        room.take_solid(ring, model.floor_z, top - thickness)
 
 
 def _magnifications(model: TableModel) -> tuple[float, float]:

@@ -44,6 +44,7 @@ class DrawnScene:
     """Facts from earlier results that later drawings need; small, whatever the recording's length.
 
     - ``stamps_ns``, ``localised``: stamps and localised poses of the snapshots, by index
+    - ``cameras``: poses (4, 4) in the base; tip and corners (5, 3) of the view, 1 m deep
     - ``tops``, ``clutter``: their thinned points (n, 3), x and y in the base, z in the map
     - ``floor_z``, ``height``, ``laser_height``: z in the map of floor, top and laser, metres
     - ``centre``, ``extent``, ``yaw``: the table's place (2,), size in metres and heading, if known

@@ -13,6 +13,7 @@ from tablemap.events import OfTable, OtherTable
 from tablemap.geometry import Pose2
 from tablemap.review import story
 from tablemap.review.crosscheck import log_cross_check
+from tablemap.review.eyes import table_eye
 from tablemap.review.solid import log_model
 from tablemap.review.stream import DrawnScene, Stream
 from tablemap.review.supports import log_legs
@@ -51,7 +52,7 @@ class Tables:
         """Log its model as a solid with dimensions and summary, or why there is none."""
         if not isinstance(other.outcome, str):
             with stream.within(entity(other.number), self._scene(stream, other.number)):
-                log_model(stream, other.outcome, tint=palette.LEFT_OUT.on_dark)
+                log_model(stream, other.outcome, tint=palette.LEFT_OUT.on_dark, eye_of=table_eye)
             return
         stream.hold()
         page = story.no_other_model(other.number, other.outcome)

@@ -17,6 +17,7 @@ from tablemap.config import Config, ReviewConfig
 from tablemap.events import Record, StageFinished
 from tablemap.review import Reviewer
 from tablemap.review.page.page import Page
+from tablemap.review.room import Eye
 from tablemap.runs import running
 from tests.making import made_up_run as made_up
 
@@ -59,6 +60,27 @@ def columns(path: Path, entity: str, name: str) -> list[list[object]]:
         if chunk.entity_path == entity and name in batch.schema.names:
             found += batch.column(name).to_pylist()
     return found
+
+
+def eye_of_first_view(path: Path) -> Eye:
+    """Where the eye of the last layout's first view begins."""
+    found: list[Eye] = []
+    reader = RrdReader(path)
+    for store in reader.blueprints():
+        eyes: dict[str, Eye] = {}
+        names: dict[str, str] = {}
+        for chunk in reader.stream(store=store):
+            rows = chunk.to_record_batch().to_pydict()
+            view = "/".join(chunk.entity_path.split("/")[:3])
+            for name in rows.get("ViewBlueprint:display_name", []):
+                names[view] = str(name[0])
+            if "EyeControls3D:position" in rows:
+                (position,), (target,) = (
+                    rows[f"EyeControls3D:{one}"][-1] for one in ("position", "look_target")
+                )
+                eyes[view] = Eye(tuple(position), tuple(target))
+        found += [eye for view, eye in eyes.items() if names.get(view) == "Table and stops"]
+    return found[-1]
 
 
 def manifest(path: str = "/laps/lap.mcap") -> Manifest:

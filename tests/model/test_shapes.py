@@ -30,6 +30,7 @@ from tablemap.model.shapes import MESH, SHAPES, ShapeRecord, shape_named
 from tablemap.model.summary import summary_rows
 from tablemap.review.dimensions import log_dimensions
 from tablemap.review.page.plan import plan
+from tablemap.review.room import Eye, Room
 from tablemap.review.text import surface as surface_text
 from tablemap.simulation import load_scenario, scenario_names
 from tablemap.stages.legs.layout import Frame, symmetric_sets
@@ -169,7 +170,7 @@ def test_a_new_shape_is_drawn_with_its_lengths() -> None:
     stream = SimpleNamespace(
         log=logged.__setitem__, names=lambda path, _, texts: logged.__setitem__(path, list(texts))
     )
-    log_dimensions(stream, blob(), outline, 0.74)
+    log_dimensions(stream, blob(), outline, 0.74, Room(Eye((2.0, -2.0, 2.0), (0.3, -0.2, 0.7))))
     expected = ["reach 1.187 m ± 2.0 mm", "breadth 0.806 m ± 2.0 mm"]
     assert logged["model/dimensions/names"][:2] == expected
     surface = next(one for one in made_up_run.results(stops=3) if isinstance(one, Surface))

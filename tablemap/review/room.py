@@ -1,0 +1,127 @@
+"""Room for labels in a view: where each is clear of the table, of lines and of other labels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import PIL.Image
+import PIL.ImageDraw
+import shapely
+from numpy.typing import NDArray
+
+from tablemap.geometry import Floats
+from tablemap.review.clouds import raised
+
+SIZE = (640, 540)
+"""Pixels of a view in a small window; in a larger one its labels need a smaller share of it."""
+FIELD_OF_VIEW = math.radians(55.0)  # of the viewer, from above to below
+NEAREST = 0.1  # metres before the eye
+BORDER = 220  # pixels round the picture that count as taken: as wide as a long label
+LETTER, ENDS, HIGH = 7.2, 10.0, 22.0  # pixels of a label
+LABEL_DROP = 11.0  # the viewer writes labels this far below their points
+FARTHEST, STEP = 180, 4  # pixels from a label's anchor
+DIRECTIONS = 24
+TURN_COST = 0.5  # of a label that stands where it should not point to, in its distance
+
+
+@dataclass(frozen=True)
+class Eye:
+    """Where a view's eye begins, and what it looks at: (3,) each, metres, in the map."""
+
+    position: tuple[float, float, float]
+    target: tuple[float, float, float]
+
+    def pixels(self, points: Floats) -> tuple[Floats, Floats]:
+        """Return where points (..., 3) lie in a picture of `SIZE`, and how far ahead they are."""
+        ahead = np.subtract(self.target, self.position)
+        ahead /= max(float(np.linalg.norm(ahead)), 1e-9)
+        right = np.cross(ahead, [0.0, 0.0, 1.0])
+        right /= max(float(np.linalg.norm(right)), 1e-9)
+        seen = (points - np.array(self.position)) @ np.column_stack(
+            [right, -np.cross(right, ahead), ahead]
+        )
+        depth = np.maximum(seen[..., 2], NEAREST)
+        return np.array(SIZE) / 2 + FOCAL * seen[..., :2] / depth[..., None], depth
+
+
+FOCAL = SIZE[1] / 2 / math.tan(FIELD_OF_VIEW / 2)
+
+
+class Room:
+    """The picture of a view as its eye begins; what is drawn takes its room, labels look for it."""
+
+    def __init__(self, eye: Eye) -> None:
+        self._eye = eye
+        wide, high = SIZE
+        self._taken = PIL.Image.new("L", (wide + 2 * BORDER, high + 2 * BORDER), 1)
+        self._draw = PIL.ImageDraw.Draw(self._taken)
+        self._draw.rectangle((BORDER, BORDER, BORDER + wide, BORDER + high), fill=0)
+        self._sums: NDArray[np.int64] | None = None
+
+    def copy(self) -> Room:
+        """Return another room with the same things in it."""
+        other = Room(self._eye)
+        other._taken.paste(self._taken)
+        return other
+
+    def take_solid(self, outline: Floats, bottom: float, top: float) -> None:
+        """Take the room of a prism over an outline (n, 2), between two heights."""
+        levels = [raised(outline, one).astype(np.float64) for one in (bottom, top)]
+        hull = shapely.MultiPoint(self._on_picture(np.concatenate(levels))).convex_hull
+        if hull.geom_type == "Polygon":
+            self._draw.polygon([tuple(one) for one in hull.exterior.coords], fill=1)
+            self._sums = None
+
+    def take_line(self, points: NDArray[np.floating], *, width: int = 3) -> None:
+        """Take the room of a line (n, 3)."""
+        places = self._on_picture(np.asarray(points, dtype=np.float64))
+        self._draw.line([tuple(one) for one in places], fill=1, width=width)
+        self._sums = None
+
+    def place(self, text: str, anchor: Floats, *, away: Floats, keeps: bool = True) -> Floats:
+        """Return the place (3,) near ``anchor`` (3,), level with it, at which a label is clear.
+
+        ``away`` (2,) is the direction in the map that is tried first. Where there is no clear
+        place it is the one that hides least. With ``keeps`` the label takes its room.
+        """
+        (pixel,), (depth,) = self._eye.pixels(anchor[None])
+        is_in = ((pixel >= 0) & (pixel < SIZE)).all()
+        if not is_in:
+            return anchor
+        turns = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+        steps = np.arange(0, FARTHEST, STEP)
+        first = math.atan2(away[1], away[0])
+        level = np.column_stack([np.cos(first + turns), np.sin(first + turns), 0 * turns])
+        places = anchor + steps[:, None, None] * (float(depth) / FOCAL) * level
+        seen = self._eye.pixels(places)[0]
+        half = np.array([LETTER * len(text) + ENDS, HIGH]) / 2
+        middle = seen + np.array([0.0, LABEL_DROP])
+        hidden = self._count(middle - half, middle + half)
+        moved = np.linalg.norm(middle - middle[0, 0], axis=-1)
+        moved = moved * (1 + TURN_COST * (1 - np.cos(turns)))
+        best = np.unravel_index(np.lexsort((moved.ravel(), hidden.ravel()))[0], moved.shape)
+        if keeps:
+            low, high = (middle[best] - half + BORDER, middle[best] + half + BORDER)
+            self._draw.rectangle((*low, *high), fill=1)
+            self._sums = None
+        return np.asarray(places[best])
+
+    def _on_picture(self, points: Floats) -> Floats:
+        return self._eye.pixels(points)[0] + BORDER
+
+    def _count(self, low: Floats, high: Floats) -> NDArray[np.int64]:
+        """Return how many pixels are taken between corners (..., 2)."""
+        if self._sums is None:
+            taken = np.asarray(self._taken, dtype=np.int64)
+            self._sums = np.pad(taken.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+        wide, high_ = self._taken.size
+        a, b = (np.clip(np.rint(one + BORDER).astype(int), 0, (wide, high_)) for one in (low, high))
+        sums = self._sums
+        return np.asarray(
+            sums[b[..., 1], b[..., 0]]
+            - sums[a[..., 1], b[..., 0]]
+            - sums[b[..., 1], a[..., 0]]
+            + sums[a[..., 1], a[..., 0]]
+        )
