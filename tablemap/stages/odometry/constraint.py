@@ -1,6 +1,8 @@
-"""The directions of the plane in which a scan constrains the base."""
+"""The directions of the plane in which a scan constrains the base, and how much of them it saw."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,19 +20,30 @@ _POINTS = 240  # enough for lines; more is time
 _OPEN, _HELD = 0.05, 0.15
 
 
-def constrained(points: Floats, origin: Floats, *, voxel: float) -> Floats:
-    """Return (2, 2): the directions that (n, 2) points in beam order constrain, by their share.
+@dataclass(frozen=True, eq=False)
+class Constraint:
+    """What a scan says of the base's place.
+
+    - ``shares``: (2, 2), the directions that it constrains; the trace is 1, or 0 without any
+    - ``length``: metres of surface behind them
+    """
+
+    shares: Floats
+    length: float
+
+
+def constrained(points: Floats, origin: Floats, *, voxel: float) -> Constraint:
+    """Return the directions that (n, 2) points in beam order constrain.
 
     A point on a line constrains the base across the line; any other point constrains both
     directions equally. Grazing and lone points constrain nothing. A point counts by the length
-    (metres) of surface that it covers, at most ``voxel``, as KISS-ICP thins the points. The trace
-    is 1. The smaller eigenvalue is 0 in an endless corridor and about a third in a room. Without
-    any constraint the matrix is 0.
+    (metres) of surface that it covers, at most ``voxel``, as KISS-ICP thins the points. The smaller
+    eigenvalue of the shares is 0 in an endless corridor and about a third in a room.
     """
     points = points[:: max(1, len(points) // _POINTS)]
     n = len(points)
     if n < _LEAST_POINTS:
-        return np.zeros((2, 2))
+        return Constraint(np.zeros((2, 2)), 0.0)
     offset = points - origin
     distance = np.linalg.norm(offset, axis=1)
     bearing = np.arctan2(offset[:, 1], offset[:, 0])
@@ -52,10 +65,10 @@ def constrained(points: Floats, origin: Floats, *, voxel: float) -> Floats:
     length = np.minimum(np.concatenate([spans[:1], spans]), voxel) * holds
     total = float(length.sum())
     if total <= 0:
-        return np.zeros((2, 2))
+        return Constraint(np.zeros((2, 2)), 0.0)
     alike = float(length[~line].sum()) / 2
     directed = (normals[line].T * length[line]) @ normals[line]
-    return np.asarray((directed + alike * np.eye(2)) / total, dtype=np.float64)
+    return Constraint((directed + alike * np.eye(2)) / total, total)
 
 
 def held_share(constraint: Floats) -> Floats:

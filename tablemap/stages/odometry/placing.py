@@ -28,6 +28,10 @@ EVENT_MAPS = 30
 """States of KISS-ICP's map that are recorded for the review, spread over the drive."""
 
 _LEAST_POINTS = 30
+# Metres of surface. In simulated rooms scans see 8 to 19 of them, and the motion between two stops
+# errs by 8 mm and 0.1 degrees at most. Of 1.3 to 6.5 metres, seen by a laser that ends at 3.5 m, it
+# erred by up to 105 mm and 2.2 degrees, and the wheels by 12 mm and 0.8 degrees.
+_LEAST_LENGTH = 7.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +107,9 @@ def place_scans(
         frame = points[valid]
         if len(frame) < _LEAST_POINTS:
             continue
+        constraint = constrained(frame[:, :2], base_from_laser[:2, 3], voxel=config.voxel_size)
+        if on_wheels and constraint.length < _LEAST_LENGTH:
+            continue
         if start is None:
             assert fixed is not None
             start = Pose2.projected(fixed)
@@ -110,8 +117,7 @@ def place_scans(
         moved = (last @ delta).inverse() @ _register(kiss, frame, last, delta)
         held = np.eye(2)
         if stamps:
-            shares = constrained(frame[:, :2], base_from_laser[:2, 3], voxel=config.voxel_size)
-            held = held_share(shares)
+            held = held_share(constraint.shares)
             moved = Pose2.from_array([*(held @ moved.translation), moved.yaw])
         correction = float(np.hypot(*moved.translation))
         if correction > config.maximum_correction:

@@ -99,7 +99,8 @@ class LaserStatistics:
 
     - ``rms``: metres, robust, between corresponding points
     - ``overlap``: share of its points that the other stop saw too, of the best pair
-    - ``consistent``: share of these points within 15 mm, or three times the noise
+    - ``consistent``: share of its points near the other's, on faces that the other stop could see,
+      within 15 mm of them, or three times the noise
     - ``violation``: share of its points that lie in the other stop's free space
     - ``score``: its mean likelihood among the points of all others
     - ``noise``: metres, the ``rms`` that the scans' own noise gives at the right place

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -147,6 +148,31 @@ def test_the_wheels_bridge_what_the_laser_did_not_see(
     assert place.max() < 4 * np.sqrt(loose[0, 0])
 
 
+def test_the_wheels_carry_where_the_laser_sees_little(
+    lap: tuple[Drive, Odometry, list[object]],
+) -> None:
+    """A short laser sees pieces of walls that end with its range; they would drag the base."""
+    drive, _, _ = lap
+
+    class Short(Drive):
+        """The drive with a laser that sees two metres far."""
+
+        def scans(self, *span, **due):  # type: ignore[no-untyped-def]
+            """Yield the scans with infinity where nothing is near."""
+            for scan in super().scans(*span, **due):
+                ranges = np.where(scan.ranges < 2.0, scan.ranges, np.float32(np.inf))
+                yield replace(scan, ranges=ranges)
+
+    short = Short(drive.segments, seed=1, stops=6, standing_s=0.6, rate_hz=10)
+    odometry, _ = estimate(short)
+    rolled = np.array(
+        [Pose2.projected(short.odom_from_base(s)).as_array() for s in short.stop_stamps]  # type: ignore[arg-type]
+    )
+    place, yaw = relative_errors(at_stops(odometry, short), rolled)
+    assert place.max() < 1e-6
+    assert yaw.max() < 1e-6
+
+
 def test_the_wheels_go_on_after_the_last_scan(lap: tuple[Drive, Odometry, list[object]]) -> None:
     """Before the first and after the last placed scan the base does not stand still."""
     drive, _, _ = lap
@@ -227,17 +253,20 @@ def test_a_room_holds_in_both_directions_and_a_corridor_in_one(
         points, valid = points_in_base(scan, BASE_FROM_LASER, maximum_range=30.0)
         points, origin = points[valid][:, :2], BASE_FROM_LASER[:2, 3]
         whole = constrained(points, origin, voxel=0.1)
-        values = np.linalg.eigvalsh(whole)
+        values = np.linalg.eigvalsh(whole.shares)
         assert np.isclose(values.sum(), 1.0)
         assert least <= values[0] <= most
-        assert np.linalg.eigvalsh(constrained(points[::2], origin, voxel=0.1))[0] < most + 0.02
+        thinned = constrained(points[::2], origin, voxel=0.1)
+        assert np.linalg.eigvalsh(thinned.shares)[0] < most + 0.02
         turn = Pose2(0.0, 0.0, 0.7).rotation
         turned = constrained(points @ turn.T, turn @ origin, voxel=0.1)
-        assert np.allclose(turned, turn @ whole @ turn.T, atol=0.01)
-        gain = np.linalg.eigvalsh(held_share(whole))
+        assert np.allclose(turned.shares, turn @ whole.shares @ turn.T, atol=0.01)
+        gain = np.linalg.eigvalsh(held_share(whole.shares))
         assert np.allclose(gain, [float(least > 0), 1.0])
-    assert not constrained(np.zeros((0, 2)), np.zeros(2), voxel=0.1).any()
-    assert not held_share(constrained(np.ones((9, 2)), np.zeros(2), voxel=0.1)).any()
+    nothing = constrained(np.zeros((0, 2)), np.zeros(2), voxel=0.1)
+    assert not nothing.shares.any()
+    assert nothing.length == 0
+    assert not held_share(constrained(np.ones((9, 2)), np.zeros(2), voxel=0.1).shares).any()
 
 
 def test_missing_and_out_of_range_beams_are_left_out() -> None:

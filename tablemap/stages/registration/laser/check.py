@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from tablemap.geometry import Floats, Pose2
 from tablemap.robust import mad_sigma
 from tablemap.stages.registration.correlative import likelihood
+from tablemap.stages.registration.laser.normals import LEAST_COSINE
 from tablemap.stages.registration.result import LaserStatistics, StopCheck, StopScan
 from tablemap.stages.snapshots import is_same_place
 
@@ -111,6 +112,10 @@ def _compare(
     index = np.where(found, index, 0)
     agree = np.einsum("ij,ij->i", normals, target.normals[index]) > _NORMAL_COSINE
     matched = found & agree
+    # The other stop cannot see a face that is turned away from it, as of a leg between the two.
+    to_target = target.origin - points
+    cosine = np.einsum("ij,ij->i", normals, to_target) / np.linalg.norm(to_target, axis=1)
+    comparable = found & (matched | (cosine > LEAST_COSINE))
     apart = np.einsum(
         "ij,ij->i", target.normals[index[matched]], points[matched] - target.points[index[matched]]
     )
@@ -119,7 +124,7 @@ def _compare(
         rms = mad_sigma(apart)
         # At a wrong place points have neighbours too, but these are neither close nor parallel.
         limit = max(_CONSISTENT, 3 * float(np.hypot(source.noise, target.noise)))
-        consistent = float((np.abs(apart) < limit).sum() / max(found.sum(), 1))
+        consistent = float((np.abs(apart) < limit).sum() / max(comparable.sum(), 1))
     else:
         rms, consistent = float(_NEAR), 0.0
     return rms, overlap, consistent, _violation(points, target)

@@ -9,7 +9,8 @@ from tablemap.stages.odometry import fit_windows
 
 _NORMAL_REACH = 0.06
 _NORMAL_BEAMS = 20
-_LEAST_COSINE = 0.15
+LEAST_COSINE = 0.15
+"""Of the incidence: a more grazing surface has no valid normal."""
 _LEAST_FLATNESS = 0.25
 _JUMP = 0.05
 _LEAST_POINTS = 5
@@ -65,7 +66,7 @@ def planar_normals(points: Floats, origin: Floats) -> tuple[Floats, Bools, float
     holds = (
         np.isfinite(points).all(axis=1)
         & (count >= _LEAST_POINTS)
-        & (incidence > _LEAST_COSINE)
+        & (incidence > LEAST_COSINE)
         & flat
     )
     off = (trace - root)[holds] / 2 / np.maximum(count[holds] - 2, 1)

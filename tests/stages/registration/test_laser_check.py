@@ -1,0 +1,70 @@
+"""The check of registered scans compares what both stops could see."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tablemap.geometry import Floats
+from tablemap.stages.registration.laser.check import check_stops
+from tablemap.stages.registration.laser.normals import planar_normals
+from tablemap.stages.registration.result import LaserStatistics, StopScan
+
+_AT = np.zeros(3)
+_LEG = 0.06
+_SPACING = 0.004
+
+
+def _face(begin: Floats, end: Floats) -> Floats:
+    points = round(float(np.linalg.norm(end - begin)) / _SPACING)
+    return begin + np.linspace(0.0, 1.0, points)[:, None] * (end - begin)
+
+
+def _scan(index: int, origin: Floats, faces: list[Floats]) -> StopScan:
+    """Make a scan of faces, each (n, 2) points in beam order."""
+    points = np.vstack([np.vstack([face, [[np.nan, np.nan]]]) for face in faces])
+    normals, holds, noise = planar_normals(points, origin)
+    offset = points[holds] - origin
+    bearing = np.arctan2(offset[:, 1], offset[:, 0])
+    order = np.argsort(bearing)
+    away = np.linalg.norm(offset, axis=1)
+    return StopScan(
+        index=index,
+        points=points[holds],
+        normals=normals[holds],
+        scans=1,
+        directions=offset / away[:, None],
+        origin=origin,
+        bearings=bearing[order],
+        ranges=away[order],
+        noise=noise,
+    )
+
+
+def _seen(moved: float) -> LaserStatistics:
+    """Return how a stop fits another; both see a wall, and two faces each of four legs.
+
+    Stop 1 sees the legs from the other side. It is placed ``moved`` metres beside its true place.
+    """
+    wall = _face(np.array([-0.6, 2.0]), np.array([0.6, 2.0]))
+    near, far = [], []
+    for x in (-0.4, -0.2, 0.2, 0.4):
+        low, high = np.array([x, 1.0]), np.array([x + _LEG, 1.0 + _LEG])
+        near += [_face(low, np.array([high[0], low[1]])), _face(low, np.array([low[0], high[1]]))]
+        far += [_face(high, np.array([high[0], low[1]])), _face(high, np.array([low[0], high[1]]))]
+    first = _scan(0, np.array([-2.0, -1.0]), [wall, *near])
+    second = _scan(1, np.array([1.5, 1.5]), [wall, *far])
+    poses = np.array([_AT, [0.0, moved, 0.0]])
+    check = check_stops([first, second], poses, [(1, 0)])[1]
+    assert isinstance(check.statistics, LaserStatistics)
+    return check.statistics
+
+
+def test_faces_that_only_one_stop_can_see_say_nothing() -> None:
+    """A leg seen from two sides shows other faces; only the wall can be compared."""
+    assert _seen(0.0).consistent == pytest.approx(1.0)
+
+
+def test_a_face_that_both_can_see_counts_where_it_does_not_fit() -> None:
+    """Four centimetres off, the wall is still near its twin and contradicts it."""
+    assert _seen(0.04).consistent < 0.2
