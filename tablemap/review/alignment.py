@@ -294,6 +294,7 @@ def _log_graph(stream: Stream, registration: Registration) -> None:
 def _log_residuals(stream: Stream, registration: Registration) -> None:
     """Plot each stop's correction against the localisation, over the snapshots."""
     scene = stream.scene
+    stream.series("registration/correction_mm", palette.LOCALISED.on_dark)
     for index, pose in enumerate(registration.map_from_base[: len(scene.localised)]):
         step = scene.localised[index].inverse() @ pose
         stream.at(scene.stamps_ns[index], snapshot=index)

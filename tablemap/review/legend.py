@@ -35,6 +35,10 @@ AGREEMENT: Entries = (
     ("off by 10 mm", palette.CAREFUL.on_dark),
     ("20 mm or more", palette.DISTRUSTED.on_dark),
 )
+LABELLED: Entries = (
+    *[colours.LABELS[one] for one in (Label.TOP, Label.ON_TOP, Label.OTHER_TOP)],
+    *[colours.LABELS[one] for one in (Label.FLOOR, Label.FRONT, Label.BEHIND)],
+)
 LEGENDS: dict[str, Entries] = {
     "overview": (
         *SIDES,
@@ -42,11 +46,8 @@ LEGENDS: dict[str, Entries] = {
         ("on the top", palette.IN_THE_WAY.on_dark),
         ("robot's way", palette.REGISTERED.on_dark),
     ),
-    "views": (
-        *[colours.LABELS[one] for one in (Label.TOP, Label.ON_TOP, Label.OTHER_TOP)],
-        *[colours.LABELS[one] for one in (Label.FLOOR, Label.FRONT, Label.BEHIND)],
-        ("laser", palette.LASER.on_dark),
-    ),
+    "views": (*LABELLED, ("laser", palette.LASER.on_dark)),
+    "labels": LABELLED,
     "image": (*SIDES, *EDGES),
     "flatness": (
         ("15 mm too low", palette.INSIDE.on_dark),
@@ -85,6 +86,12 @@ LEGENDS: dict[str, Entries] = {
         ("5 mm outside", palette.OUTSIDE.on_dark),
         ("chosen shape", palette.MODEL.on_dark),
         ("other shapes", palette.LEFT_OUT.on_dark),
+    ),
+    "tables": (
+        *SIDES,
+        ("this table", palette.LEFT_OUT.on_dark),
+        EDGES[0],
+        ("laser", palette.LASER.on_dark),
     ),
     "legs": (
         *SIDES,

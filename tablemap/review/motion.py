@@ -88,8 +88,11 @@ class MotionDrawing:
         if self._scans:
             stamps, thresholds, corrections = zip(*self._scans, strict=True)
             times = sensor_times(stamps)
-            stream.plot("odometry/threshold_mm", times, 1000 * np.array(thresholds))
-            stream.plot("odometry/correction_mm", times, 1000 * np.array(corrections))
+            for name, metres, ink in (
+                ("threshold_mm", thresholds, palette.TEXT),
+                ("correction_mm", corrections, palette.LASER),
+            ):
+                stream.plot(f"odometry/{name}", times, 1000 * np.array(metres), ink.on_dark)
             self._scans = []
 
 

@@ -72,7 +72,7 @@ class Pairs:
         keys += [key for key in self._sequences if key not in named]
         config = stream.config
         for key in keys if config.level == "full" else keys[: config.plotted_pairs]:
-            _plot(stream, key, self._sequences[key])
+            _plot(stream, key, self._sequences[key], _tint(named.get(key)))
         _log_at_stops(stream, keys, named, self._sequences, poses)
         shown = [key for key in keys[: config.aligned_pairs] if max(key) < len(poses)]
         if shown:
@@ -94,9 +94,7 @@ class Pairs:
             row, column = divmod(number, columns)
             cell = np.array([column - (columns - 1) / 2, (rows - 1) / 2 - row]) * pitch
             cell_from_map = Pose2(float(cell[0] - middle[0]), float(cell[1] - middle[1]))
-            pair = named.get(key)
-            dropped = pair is not None and not pair.used
-            tint = palette.DISTRUSTED.on_dark if dropped else palette.TRUSTED.on_dark
+            pair, tint = named.get(key), _tint(named.get(key))
             sequence = self._sequences[key]
             _log_clouds(stream, key, sequence, cell_from_map @ poses[key[1]], cell, reach, tint)
             places.append((cell[0], cell[1] - reach, 0.0))
@@ -149,22 +147,17 @@ def _log_pair(
     target_from_source: Pose2,
 ) -> None:
     """Log a pair in the map: its target, and its source where ICP began and where it is."""
-    is_dropped = pair is not None and not pair.used
     begun, moved = (map_from_target @ one for one in (sequence.poses[0], target_from_source))
     target = map_from_target.apply(sequence.target)
-    for entity, points, ink in (
-        ("target", target, palette.TEXT),
-        ("before", begun.apply(sequence.source), palette.LOCALISED),
-        (
-            "after",
-            moved.apply(sequence.source),
-            palette.DISTRUSTED if is_dropped else palette.TRUSTED,
-        ),
+    for entity, points, tint in (
+        ("target", target, palette.TEXT.on_dark),
+        ("before", begun.apply(sequence.source), palette.LOCALISED.on_dark),
+        ("after", moved.apply(sequence.source), _tint(pair)),
     ):
         few = points[:: max(1, -(-len(points) // MOST_JUDGED))].astype(np.float32)
         stream.log(
             f"registration/pair_at_stop/{entity}",
-            rr.Points3D(few, colors=[ink.on_dark], radii=rr.Radius.ui_points(2.0)),
+            rr.Points3D(few, colors=[tint], radii=rr.Radius.ui_points(2.0)),
         )
     name = text.pair_told(key, pair)
     stream.names("registration/pair_at_stop/names", target.mean(axis=0)[None], [name])
@@ -214,7 +207,13 @@ def _log_clouds(
     stream.hold()
 
 
-def _plot(stream: Stream, key: Key, sequence: _Sequence) -> None:
+def _tint(pair: Pair | None) -> palette.Colour:
+    """Return the colour of a pair's source: red where the pair was dropped."""
+    is_dropped = pair is not None and not pair.used
+    return (palette.DISTRUSTED if is_dropped else palette.TRUSTED).on_dark
+
+
+def _plot(stream: Stream, key: Key, sequence: _Sequence, tint: palette.Colour) -> None:
     if not sequence.figures:
         return
     steps, fitness, rmse, inliers = zip(*sequence.figures, strict=True)
@@ -224,7 +223,7 @@ def _plot(stream: Stream, key: Key, sequence: _Sequence) -> None:
         ("rmse_mm", 1000 * np.array(rmse)),
         ("inliers", np.array(inliers)),
     ):
-        stream.plot(f"registration/iterations/{name}/{_name(key)}", times, values)
+        stream.plot(f"registration/iterations/{name}/{_name(key)}", times, values, tint)
 
 
 def _name(key: Key) -> str:

@@ -9,6 +9,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from tablemap import palette
+from tablemap.events import OfTable, OtherTable
 from tablemap.geometry import Floats, Pose2, invert, transform
 from tablemap.model import TableLeg, TableModel
 from tablemap.review import colours, digits
@@ -17,8 +18,9 @@ from tablemap.review.sensors import IMAGE_PLANE, log_images
 from tablemap.review.solid import DRAWN_THICKNESS
 from tablemap.review.stream import Stream
 from tablemap.review.supports import section
+from tablemap.review.tables import entity
 from tablemap.stages.calibration import Calibration
-from tablemap.stages.outline import Outline
+from tablemap.stages.outline import EdgeKind, Outline
 from tablemap.stages.segmentation import TableCandidate
 from tablemap.stages.snapshots import Snapshot
 
@@ -60,13 +62,16 @@ class Projection:
             yield snapshot, frame
         stream.hold()
 
+    def _best(self, seen: dict[int, int]) -> int | None:
+        used = {index: much for index, much in seen.items() if much and index not in self._unused}
+        return max(used, key=lambda index: used[index], default=None)
+
     def bring_to_front(self, stream: Stream, seen: dict[int, int]) -> None:
         """Show the view with most of the table on ``stage``, where no snapshot is chosen.
 
         ``seen`` is the number of pixels, or edge points, of the table in each view, by index.
         """
-        seen = {i: much for i, much in seen.items() if i not in self._unused}
-        best = max(seen, key=lambda index: seen[index], default=None)
+        best = self._best(seen)
         if best is None or best == stream.scene.best or best not in self._recorded:
             return
         stream.scene.best = best
@@ -121,6 +126,22 @@ class Projection:
     def log_model(self, stream: Stream, model: TableModel) -> None:
         """Log the model's lines in each camera's image, as if nothing hid them."""
         self.log_candidates(stream, ())
+        self._log_lines(stream, model)
+
+    def take_other(self, stream: Stream, one: OfTable) -> None:
+        """Take which view shows most of the edge of a table beside the chosen one."""
+        scene = stream.scene.tables.get(one.number)
+        if scene is not None and isinstance(one.result, Outline):
+            scene.best = self._best(edge_points_seen(one.result))
+
+    def log_other(self, stream: Stream, other: OtherTable) -> None:
+        """Log the lines of another table's model in each camera's image, below its entity."""
+        scene = stream.scene.tables.get(other.number)
+        if scene is not None and not isinstance(other.outcome, str):
+            with stream.within(entity(other.number), scene):
+                self._log_lines(stream, other.outcome)
+
+    def _log_lines(self, stream: Stream, model: TableModel) -> None:
         lines = list(model_lines(model))
         for snapshot, frame in self._in_turn(stream):
             if snapshot.index >= len(model.snapshots):
@@ -151,6 +172,11 @@ class Projection:
                     ),
                     frame=frame,
                 )
+
+
+def edge_points_seen(outline: Outline) -> dict[int, int]:
+    """Return how many points of the table's own edge each view has, by its index."""
+    return {view.index: int(np.sum(view.kind == EdgeKind.TABLE)) for view in outline.views}
 
 
 def model_lines(model: TableModel) -> Iterator[tuple[str, str, NDArray[np.floating]]]:

@@ -6,8 +6,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from tablemap.config import ReviewConfig
 from tablemap.errors import ProcessWarning
 from tablemap.events import OfTable, OtherTable, RunFailed, StageFinished, StageStarted
@@ -23,7 +21,7 @@ from tablemap.review.legend import log_legends
 from tablemap.review.motion import MotionDrawing
 from tablemap.review.naming import Naming
 from tablemap.review.perception import Perception
-from tablemap.review.projection import Projection
+from tablemap.review.projection import Projection, edge_points_seen
 from tablemap.review.solid import log_model
 from tablemap.review.stream import Stream
 from tablemap.review.tables import Tables
@@ -33,7 +31,7 @@ from tablemap.stages.calibration import Calibration
 from tablemap.stages.crosscheck import CrossCheck
 from tablemap.stages.legs import Legs
 from tablemap.stages.odometry import Odometry, OdometryMap, OdometryScan
-from tablemap.stages.outline import EdgeKind, Outline
+from tablemap.stages.outline import Outline
 from tablemap.stages.registration import PairIteration, PairStarted, Registration, StopScan
 from tablemap.stages.segmentation import Segmentation, TableRefused, TablesFound
 from tablemap.stages.snapshots import SetAside, Snapshots
@@ -102,8 +100,7 @@ class Reviewer(Closing):
         def draw_outline(stream: Stream, outline: Outline) -> None:
             top.log_outline(stream, outline)
             telling.log_edges(stream, outline)
-            seen = {v.index: int(np.sum(v.kind == EdgeKind.TABLE)) for v in outline.views}
-            projection.bring_to_front(stream, seen)
+            projection.bring_to_front(stream, edge_points_seen(outline))
             projection.log_edges(stream, outline)
 
         def draw_model(stream: Stream, model: TableModel) -> None:
@@ -116,6 +113,11 @@ class Reviewer(Closing):
         def draw_other(stream: Stream, other: OtherTable) -> None:
             tables.log_outcome(stream, other)
             naming.log_other(stream, other)
+            projection.log_other(stream, other)
+
+        def draw_of_table(stream: Stream, one: OfTable) -> None:
+            tables.log_result(stream, one)
+            projection.take_other(stream, one)
 
         def draw_failure(stream: Stream, failed: RunFailed) -> None:
             perception.log_as_far_as_it_came(stream)
@@ -146,7 +148,7 @@ class Reviewer(Closing):
             CrossCheck: log_cross_check,
             Legs: supports.log_legs,
             TableModel: draw_model,
-            OfTable: tables.log_result,
+            OfTable: draw_of_table,
             OtherTable: draw_other,
         }
         log_legends(self._stream)

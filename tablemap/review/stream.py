@@ -282,8 +282,13 @@ class Stream:
         )
         self.rec.send_columns(path, indexes=[times], columns=columns)
 
-    def plot(self, path: str, times: rr.TimeColumn, values: Floats) -> None:
-        """Log n numbers over the n times in one go."""
+    def series(self, path: str, colour: palette.Colour) -> None:
+        """Give the line of a plot its colour, for the whole file."""
+        self.rec.log(self._below + path, rr.SeriesLines(colors=[colour], widths=[2.0]), static=True)
+
+    def plot(self, path: str, times: rr.TimeColumn, values: Floats, colour: palette.Colour) -> None:
+        """Log n numbers over the n times in one go, as a line of that colour."""
+        self.series(path, colour)
         columns = rr.Scalars.columns(scalars=np.asarray(values, dtype=np.float64))
         self.rec.send_columns(path, indexes=[times], columns=columns)
 

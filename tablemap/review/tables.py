@@ -64,7 +64,7 @@ class Tables:
     def _scene(self, stream: Stream, number: int) -> DrawnScene:
         """Return the scene of a table: its own place and shape, everything else as before."""
         if number not in self._scenes:
-            self._scenes[number] = replace(stream.scene, shape="", tables={})
+            self._scenes[number] = replace(stream.scene, shape="", tables={}, best=None)
             top = TopDrawing()
             top.take_poses(self._poses)
             self._places[number] = {

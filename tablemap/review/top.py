@@ -45,6 +45,8 @@ class TopDrawing:
         """Log edge points by kind and view, and the top's height by each view."""
         scene = stream.scene
         scene.height = scene.floor_z + outline.height
+        stream.series("outline/height_mm/by_view", palette.TABLE_EDGE.on_dark)
+        stream.series("outline/height_mm/all_views", palette.MODEL.on_dark)
         for index, height in outline.height_by_view.items():
             if index < len(scene.stamps_ns):
                 stream.at(scene.stamps_ns[index], snapshot=index)

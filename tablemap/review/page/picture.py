@@ -14,9 +14,9 @@ from tablemap.geometry import Pose2
 from tablemap.model import TableModel
 from tablemap.recording.messages import CompressedImage
 from tablemap.review.images import JPEG, as_jpeg, colour_size
-from tablemap.review.projection import in_image, model_lines
+from tablemap.review.projection import edge_points_seen, in_image, model_lines
 from tablemap.stages.calibration import Calibration
-from tablemap.stages.outline import EdgeKind, Outline
+from tablemap.stages.outline import Outline
 from tablemap.stages.snapshots import Snapshot
 
 WIDTH = 640  # pixels, the most
@@ -35,7 +35,7 @@ class BestView:
         if isinstance(result, Calibration):
             self._snapshots = {snapshot.index: snapshot for snapshot in result.snapshots}
         elif isinstance(result, Outline):
-            self._edges = {v.index: int(np.sum(v.kind == EdgeKind.TABLE)) for v in result.views}
+            self._edges = edge_points_seen(result)
 
     def svg(self, model: TableModel) -> str:
         """Return the picture; nothing where no used view shows the table's edge."""

@@ -1,0 +1,80 @@
+"""The pieces of the viewer's layout: panes of text, plots, images, and columns of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from tablemap import palette
+from tablemap.review.stream import DrawnScene
+
+PLOT = rrb.archetypes.PlotBackground(color=palette.BACKGROUND)
+QUIET_LEGEND = rrb.PlotLegend(visible=False)
+Contents = rrb.View | rrb.Container
+
+
+def beside(name: str, share: float, left: Contents, *right: Contents) -> rrb.Horizontal:
+    """Return ``left``, ``share`` times as wide as the column of ``right`` views beside it."""
+    column = right[0] if len(right) == 1 else rrb.Vertical(*right)
+    return rrb.Horizontal(left, column, column_shares=[share, 1.0], name=name)
+
+
+def text(origin: str, name: str) -> rrb.TextDocumentView:
+    """Return a pane of markdown."""
+    return rrb.TextDocumentView(origin=origin, name=name)
+
+
+def plot(origin: str, name: str) -> rrb.TimeSeriesView:
+    """Return a plot of numbers over time."""
+    return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=QUIET_LEGEND, background=PLOT)
+
+
+def flat(
+    origin: str, name: str, *, bounds: rrb.VisualBounds2D | None = None, **more: Any
+) -> rrb.Spatial2DView:
+    """Return a view of what is flat, on the palette's background."""
+    return rrb.Spatial2DView(
+        origin=origin, name=name, background=palette.BACKGROUND, visual_bounds=bounds, **more
+    )
+
+
+def image(scene: DrawnScene, what: str) -> rrb.Spatial2DView:
+    """Return a view of the snapshot's depth or colour with edge points and model drawn into it."""
+    if what == "colour" and not scene.colour_fits:
+        return flat("/camera/colour", "Colour (of another camera)")
+    shown = [f"/camera/{what}", "/camera/edges/**", "/camera/model/**", "/camera/candidates/**"]
+    overrides: dict[Any, Any] = {"/camera/edges/image_border": rrb.EntityBehavior(visible=False)}
+    for number in scene.tables:
+        other = f"/tables/{number:02d}/camera/model/outline"
+        shown.append(other)
+        overrides[other] = rr.LineStrips2D.from_fields(colors=[palette.LEFT_OUT.on_dark])
+    return flat(
+        f"/camera/{what}",
+        f"{what.capitalize()} with {'the surfaces found' if scene.failed else 'the model'}",
+        contents=shown,
+        overrides=overrides,
+    )
+
+
+def best_image(scene: DrawnScene) -> str:
+    """Return which image shows most: colour where it fits the depth, else depth."""
+    return "colour" if scene.has_colour and scene.colour_fits else "depth"
+
+
+def image_of_table(number: int, scene: DrawnScene) -> rrb.Spatial2DView | None:
+    """Return the image that shows most of a table beside the chosen one, with its model.
+
+    It is of one snapshot, wherever the cursor is. None if no view shows the table's edge.
+    """
+    if scene.best is None:
+        return None
+    what = best_image(scene)
+    at = rr.TimeRangeBoundary.absolute(seq=scene.best)
+    return flat(
+        f"/camera/{what}",
+        f"View {scene.best} with table {number:02d}",
+        contents=[f"/camera/{what}", f"/tables/{number:02d}/camera/model/**"],
+        time_ranges=rr.VisibleTimeRange("snapshot", start=at, end=at),
+    )
