@@ -11,6 +11,7 @@ import pytest
 
 from tablemap.errors import RecordingError
 from tablemap.geometry import Floats
+from tablemap.pipeline import process
 from tablemap.recording import DepthFrame, open_recording
 from tests.making.rewriting import Change, Dialect, Entry, depth_of, edit, rewrite, with_depth
 
@@ -234,3 +235,33 @@ def test_images_that_no_calibration_fits(tmp_path: Path, plain_recording: Path) 
     every = rewrite(plain_recording, tmp_path / "all.mcap", imaged(narrow))
     with pytest.raises(RecordingError, match="200 x 240 pixels, its calibration is for 320 x 240"):
         open_recording(every)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stated", ["sensor", "halved"])
+def test_half_the_pixels_keep_all_views(tmp_path: Path, demo_recording: Path, stated: str) -> None:
+    """The demo at 320 x 240, by its calibrations or by their binning, gives the same table."""
+
+    def halved(entry: Entry) -> Entry:
+        if stated == "sensor":
+            return edit(entry, binning_x=2, binning_y=2)
+        k, p = entry.message.k.copy(), entry.message.p.copy()
+        k[[0, 2, 4, 5]] /= 2
+        p[[0, 2, 5, 6]] /= 2
+        return edit(entry, width=320, height=240, k=k, p=p)
+
+    path = rewrite(
+        demo_recording,
+        tmp_path / "r.mcap",
+        calibrated(halved),
+        imaged(lambda entry: with_depth(entry, depth_of(entry)[::2, ::2])),
+    )
+    model = process(open_recording(path)).model
+    assert frames(path)[0].depth.shape == (240, 320)
+    assert [view.used for view in model.snapshots] == [True] * 8
+    assert model.verdict.level == "good"
+    top = model.surface
+    assert top.dimensions["length"].value == pytest.approx(1.187, abs=0.003)
+    assert top.dimensions["width"].value == pytest.approx(0.806, abs=0.003)
+    assert top.height.value == pytest.approx(0.743, abs=0.003)
+    assert len(model.legs) == 4
