@@ -8,10 +8,10 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from tablemap.config import CalibrationConfig
 from tablemap.geometry import Bools, Floats, Ints
+from tablemap.masks import shrunk
 from tablemap.stages.calibration.field import REFERENCE_M, image_coordinates, terms
 from tablemap.stages.snapshots import Snapshot, turned_left
 from tablemap.stages.snapshots.normals import upward_share
@@ -142,10 +142,8 @@ def collect(
         chosen[::thin, ::thin] = floor[::thin, ::thin]
         parts.append(_part(view, snapshot, arms, depth, noise, chosen, thin, UNEVEN_M))
         if top is not None and snapshot.index in top.masks:
-            mask = ndimage.minimum_filter(
-                top.masks[snapshot.index].view(np.uint8), RIM_PX, mode="constant"
-            ).view(np.bool_)[::STRIDE_PX, ::STRIDE_PX]
-            mask = mask & np.isfinite(depth)
+            mask = shrunk(top.masks[snapshot.index], RIM_PX, outside=False)
+            mask = mask[::STRIDE_PX, ::STRIDE_PX] & np.isfinite(depth)
             every = max(1, int(np.sqrt(mask.sum() * len(snapshots) / MOST_TOP)))
             chosen = np.zeros_like(mask)
             chosen[::every, ::every] = mask[::every, ::every]

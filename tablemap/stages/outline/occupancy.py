@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, maximum_filter, uniform_filter
+from scipy.ndimage import gaussian_filter, uniform_filter
 
 from tablemap.config import OutlineConfig, SensorsConfig
 from tablemap.geometry import Bools, Floats
+from tablemap.masks import crowded, grown
 from tablemap.stages.outline.plane import ViewPlane, axial_noise
 from tablemap.stages.segmentation import Label
 from tablemap.stages.snapshots import Snapshot
@@ -80,7 +81,7 @@ def observe(
     height = np.where(known, depth * fall + np.float32(offset), np.float32(np.nan))
 
     tau = _tolerance(fall, offset, plane.noise, config)
-    near_core = maximum_filter((label == Label.TOP).astype(np.uint8), 11) > 0
+    near_core = grown(label == Label.TOP, 11)
     with np.errstate(invalid="ignore"):
         level = np.abs(height) <= tau
         front = height > tau
@@ -89,7 +90,7 @@ def observe(
     front |= known & (label == Label.OTHER_TOP)
     below &= ~front
     # Single flying pixels are no occluders.
-    front &= uniform_filter(front.astype(np.float32), 3, mode="nearest") > 3.5 / 9
+    front &= crowded(front, 4)
 
     smooth_top = gaussian_filter(top.astype(np.float32), config.smoothing_px, truncate=3.0)
     below &= ~_mixed(depth, height, fall, below, smooth_top, snapshot, rows, columns, config)

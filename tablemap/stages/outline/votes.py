@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import minimum_filter
 
 from tablemap.config import OutlineConfig
 from tablemap.geometry import Floats
+from tablemap.masks import shrunk
 from tablemap.stages.outline.occupancy import Occupancy
 from tablemap.stages.segmentation import Label
 from tablemap.stages.snapshots import Snapshot
@@ -24,7 +24,7 @@ def vote(
     config: OutlineConfig,
 ) -> tuple[Floats, Floats]:
     """Return ``top`` (m, 2) and ``free`` (k, 2), metres in the base, at most one a grid cell."""
-    inner = minimum_filter(seen.top.view(np.uint8), ERODED_PX, mode="constant") > 0
+    inner = shrunk(seen.top, ERODED_PX, outside=False)
     rows, columns = np.nonzero(inner[::2, ::2])
     top = _on_plane(
         snapshot, seen, rows * 2 + seen.origin[0], columns * 2 + seen.origin[1], config.vote_grid

@@ -11,6 +11,7 @@ from scipy import ndimage
 
 from tablemap.config import SegmentationConfig, SensorsConfig
 from tablemap.geometry import Bools, Floats
+from tablemap.masks import opened, shrunk
 from tablemap.robust import geman_mcclure, tukey
 from tablemap.stages.segmentation.result import TableCandidate
 from tablemap.stages.segmentation.views import LEAST_UPWARD, SampledView, inside, tolerance
@@ -161,7 +162,7 @@ def _view_height(
     gate = tolerance(view.sigma, _GATE)
     with np.errstate(invalid="ignore"):
         close = near & (np.abs(z - np.float32(mode)) < gate)
-    labels, count = ndimage.label(ndimage.binary_opening(close, np.ones((3, 3))))
+    labels, count = ndimage.label(opened(close, 3))
     if count == 0:
         return None
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
@@ -175,7 +176,7 @@ def _view_height(
         return None
     mine = labels == best
     # The rim contains side faces and mixed pixels: leave it out if enough pixels remain.
-    core = ndimage.binary_erosion(mine, np.ones((5, 5)))
+    core = shrunk(mine, 5, outside=False)
     if int(core.sum()) >= LEAST_PIXELS:
         mine = core
     points = view.points[mine].astype(np.float64)

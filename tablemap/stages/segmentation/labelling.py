@@ -9,6 +9,7 @@ from scipy import ndimage
 
 from tablemap.config import SegmentationConfig
 from tablemap.geometry import Bools, Ints
+from tablemap.masks import crowded, grown, shrunk
 from tablemap.stages.segmentation.height import Plane, region
 from tablemap.stages.segmentation.result import Label, TableCandidate, ViewSegmentation
 from tablemap.stages.segmentation.views import (
@@ -30,6 +31,7 @@ _LEVEL_SHARE = 0.2
 # if clutter connects it to the top, and if there is only missing depth between.
 BRIDGED_SHARE, NEAR_SHARE = 0.3, 0.5
 GAP_STEP_PX = 2
+_OPENING_PX = 5  # takes two pixels from the rim of a surface, which are then given back
 MOST_SEEDS, SEED_SHARE = 3, 0.25  # surfaces that start a top: number, share of the best score
 
 
@@ -54,7 +56,7 @@ def label_view(
     labels[valid] = Label.FRONT
     labels[below] = Label.BEHIND
     labels[below & floor] = Label.FLOOR
-    labels[in_band & _grown(surfaces > 0)] = Label.OTHER_TOP
+    labels[in_band & grown(surfaces > 0, _OPENING_PX)] = Label.OTHER_TOP
     top = _top(view, surfaces, over, below, candidate, config)
     if view.snapshot.base_from_camera[2, 3] <= plane.height + 0.05:
         top = np.zeros_like(valid)
@@ -62,7 +64,7 @@ def label_view(
     elif not top.any():
         reason = "no surface at the table's height near its place"
     else:
-        top = in_band & _grown(top)
+        top = in_band & grown(top, _OPENING_PX)
         share = float(top.mean())
         reason = (
             None
@@ -83,18 +85,10 @@ def label_view(
     )
 
 
-def _grown(mask: Bools) -> Bools:
-    """Return the mask grown by two pixels, as much as an opening removes from the rim."""
-    grown: Bools = ndimage.maximum_filter(mask.view(np.uint8), 5).view(np.bool_)
-    return grown
-
-
 def _surfaces(view: SampledView, in_band: Bools) -> NDArray[np.int32]:
     """Label the connected surfaces in the band, without walls and slivers (0)."""
-    filled = ndimage.uniform_filter(in_band.astype(np.float32), 3) > 0.5
-    eroded = ndimage.minimum_filter((filled & in_band).view(np.uint8), 5)
-    opened = ndimage.maximum_filter(eroded, 5).view(np.bool_) & in_band
-    labels, count = ndimage.label(opened)
+    filled = crowded(in_band, 5) & in_band
+    labels, count = ndimage.label(grown(shrunk(filled, _OPENING_PX), _OPENING_PX) & in_band)
     if count == 0:
         return np.zeros(in_band.shape, dtype=np.int32)
     known = np.isfinite(view.upward)
@@ -142,12 +136,10 @@ def _top(
         return top
     thin = surfaces[::GAP_STEP_PX, ::GAP_STEP_PX]
     bridges, _ = ndimage.label(
-        _grown((surfaces > 0) | (over & around))[::GAP_STEP_PX, ::GAP_STEP_PX]
+        grown((surfaces > 0) | (over & around), _OPENING_PX)[::GAP_STEP_PX, ::GAP_STEP_PX]
     )
     # One pixel below the plane is noise; four in a square are a gap.
-    through = ndimage.minimum_filter(below[::GAP_STEP_PX, ::GAP_STEP_PX].view(np.uint8), 2).view(
-        np.bool_
-    )
+    through = shrunk(below[::GAP_STEP_PX, ::GAP_STEP_PX], 2)
     seeds = np.argsort(-score)[:MOST_SEEDS]
     sets = []
     for seed in seeds[score[seeds] > SEED_SHARE * score.max()]:
@@ -219,13 +211,11 @@ def _standing(
     sizes = np.bincount(index, minlength=count + 1)
     within = np.bincount(index, weights=within_hull.ravel(), minlength=count + 1)
     with np.errstate(invalid="ignore"):
-        low = (above_plane < STANDING_M) & ndimage.maximum_filter(top.view(np.uint8), 9).view(
-            np.bool_
-        )
+        low = (above_plane < STANDING_M) & grown(top, 9)
     touching = np.bincount(index, weights=low.ravel(), minlength=count + 1)
     stands = (within >= 0.5 * sizes) & (touching > 0)
     stands[0] = False
     on_top = stands[labels] & within_hull
     # Pixels on the cuts between regions follow their neighbours.
-    standing: Bools = on_top | (over & within_hull & (labels == 0) & _grown(on_top))
+    standing: Bools = on_top | (over & within_hull & (labels == 0) & grown(on_top, _OPENING_PX))
     return standing

@@ -11,6 +11,7 @@ from scipy import ndimage
 
 from tablemap.config import SegmentationConfig
 from tablemap.geometry import Bools, Floats, Ints
+from tablemap.masks import grown, opened, shrunk
 from tablemap.stages.segmentation.views import LEAST_UPWARD, SampledView, is_parted, tolerance
 
 BIN_M = 0.005
@@ -80,8 +81,8 @@ def find_patches(view: SampledView, config: SegmentationConfig) -> list[Patch]:
         # pixels at its height that border on the surface are part of it. If depth comes in coarse
         # steps, the band is as wide as a side face is high: then they are not.
         if not view.is_coarse:
-            near = in_band & (ndimage.maximum_filter(near.view(np.uint8), _RIM_PX) > 0)
-        labels, count = ndimage.label(ndimage.binary_opening(near, np.ones((3, 3))))
+            near = in_band & grown(near, _RIM_PX)
+        labels, count = ndimage.label(opened(near, 3))
         if count == 0:
             continue
         areas = ndimage.sum_labels(view.area, labels, np.arange(1, count + 1))
@@ -105,7 +106,7 @@ def _told_apart(view: SampledView, patches: list[Patch], masks: list[Bools]) -> 
             with np.errstate(invalid="ignore"):
                 below = z < min(first.height, second.height) - MERGE_HEIGHT
             # One pixel below is noise; four in a square are a gap.
-            gap = ndimage.minimum_filter(below.view(np.uint8), 2).view(np.bool_)
+            gap = shrunk(below, 2)
             if is_parted(thin[i], thin[j], gap) or is_parted(thin[j], thin[i], gap):
                 parted[i].add(j)
                 parted[j].add(i)
@@ -204,10 +205,10 @@ def surroundings(view: SampledView, places: Floats, height: float) -> tuple[floa
     shape = tuple(int(n) for n in cells.max(axis=0) - low + margin + 1)
     grid = np.zeros(shape, dtype=bool)
     grid[tuple((cells - low).T)] = True
-    grid = ndimage.binary_fill_holes(ndimage.binary_closing(grid, np.ones((3, 3))))
+    grid = ndimage.binary_fill_holes(shrunk(grown(grid, 3), 3, outside=False))
     whole = _convex(grid)
-    inner = ndimage.binary_erosion(whole, np.ones((3, 3)), iterations=2)
-    rim = ndimage.binary_dilation(whole, np.ones((3, 3)), iterations=2) & ~inner
+    inner = shrunk(whole, 5, outside=False)
+    rim = grown(whole, 5) & ~inner
     # One axis at a time: short rows of three are slow.
     x, y, z = np.ascontiguousarray(view.points[np.isfinite(view.points[..., 2])].T)
     camera = view.snapshot.base_from_camera[:3, 3]
@@ -245,8 +246,8 @@ def surroundings(view: SampledView, places: Floats, height: float) -> tuple[floa
     raised[tuple(rising.T)] = True
     # A thing that rises inside of the surface stands on it; a backrest or a wall rises outside.
     raised &= ~whole
-    edge = grid & ~ndimage.binary_erosion(grid, np.ones((3, 3)))
-    near_raised = ndimage.binary_dilation(raised, np.ones((3, 3)), iterations=2)
+    edge = grid & ~shrunk(grid, 3, outside=False)
+    near_raised = grown(raised, 5)
     walled = float((edge & near_raised).sum() / max(int(edge.sum()), 1))
     seen = beneath + front
     return (beneath / seen if seen >= _LEAST_CELLS else None), walled
