@@ -125,6 +125,15 @@ class RemotePath:
             names = sorted(PurePosixPath(each["path"]).name for each in found["objects"])
             yield from (self / name for name in names)
 
+    def folders(self) -> list[RemotePath]:
+        """Return the folders right below, by name. Raises `OSError` as `iterdir` does."""
+        import obstore
+
+        store, key = self._place
+        with _as_os_errors(self.url):
+            found = obstore.list_with_delimiter(store, prefix=key or None)
+            return [self / PurePosixPath(each).name for each in sorted(found["common_prefixes"])]
+
     def open(self, mode: str = "rb") -> BinaryIO:
         """Open for reading. Raises `OSError`."""
         if mode != "rb":

@@ -9,21 +9,27 @@ import os
 import shutil
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
-from tablemap.archive import load_run
+from tablemap.archive import RunFolder, load_run
+from tablemap.archive.index import list_runs
 from tablemap.archive.publishing import destination
 from tablemap.errors import RecordingError, TablemapError
+from tablemap.export import export_run
 from tablemap.inputs import Input
+from tablemap.model import TableModel
 from tablemap.recording import convert, inspect, open_recording
 from tablemap.remote import RemotePath, _store, place_at
 from tablemap.review.viewer.viewer import is_review, review_file
+from tablemap.runs.redrawing import redraw
+from tablemap.runs.running import reprocess
 from tests.making import messages as w
-from tests.making.command import tablemap
+from tests.making.command import tablemap, tablemap_here
 from tests.making.drives import check_drive, copy_to_bag, copy_to_bag2
 from tests.making.models import rectangle_model
 from tests.making.run_folders import make_run
@@ -89,10 +95,9 @@ def test_every_container_is_read_from_there(tmp_path: Path, server: Server) -> N
         check_drive(recording)
 
 
-def test_https_is_read_by_ranges(tmp_path: Path) -> None:
-    """Of a plain web server that knows them, here without encryption."""
-    path = tmp_path / "drive.mcap"
-    w.write_drive(path)
+@contextmanager
+def _web_server(folder: Path) -> Iterator[tuple[str, list[str]]]:
+    """Serve a folder by ranges, as a plain web server; hand out its address and what is asked."""
     asked: list[str] = []
 
     class Ranged(http.server.SimpleHTTPRequestHandler):
@@ -100,26 +105,34 @@ def test_https_is_read_by_ranges(tmp_path: Path) -> None:
             span = self.headers["Range"]
             asked.append(span)
             first, last = map(int, span.removeprefix("bytes=").split("-"))
-            data = path.read_bytes()[first : last + 1]
+            whole = Path(self.translate_path(self.path)).read_bytes()
+            data = whole[first : last + 1]
             self.send_response(206)
             self.send_header("Content-Length", str(len(data)))
-            size = path.stat().st_size
-            self.send_header("Content-Range", f"bytes {first}-{first + len(data) - 1}/{size}")
+            end = first + len(data) - 1
+            self.send_header("Content-Range", f"bytes {first}-{end}/{len(whole)}")
             self.end_headers()
             self.wfile.write(data)
 
         def log_message(self, *_: object) -> None:
             pass
 
-    handler = functools.partial(Ranged, directory=str(tmp_path))
+    handler = functools.partial(Ranged, directory=str(folder))
     served = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
     threading.Thread(target=served.serve_forever, daemon=True).start()
     try:
-        with open_recording(f"http://127.0.0.1:{served.server_port}/drive.mcap") as recording:
-            check_drive(recording)
-        assert asked
+        yield f"http://127.0.0.1:{served.server_port}", asked
     finally:
         served.shutdown()
+
+
+def test_https_is_read_by_ranges(tmp_path: Path) -> None:
+    """Of a plain web server that knows them, here without encryption."""
+    w.write_drive(tmp_path / "drive.mcap")
+    with _web_server(tmp_path) as (url, asked):
+        with open_recording(f"{url}/drive.mcap") as recording:
+            check_drive(recording)
+        assert asked
 
 
 @pytest.fixture
@@ -274,6 +287,111 @@ def test_run_that_left_a_model_is_the_latest(tmp_path: Path, server: Server) -> 
             place.publish(run)
     assert (run / "table.json").is_file()
     shutil.rmtree(place.folder)
+
+
+def _put_run(folder: Path, root: str, name: str) -> RunFolder:
+    """Write a run as `process` does, put it below a place, and return what was put."""
+    made = make_run(folder, name, rectangle_model())
+    with destination(root) as place:
+        kept = place.folder / name
+        shutil.copytree(made.path, kept)
+        (kept / "run.rrd").write_bytes(b"RRF2 and more")
+        place.publish(kept)
+    return made
+
+
+def test_runs_there_are_listed_and_compared(tmp_path: Path, server: Server) -> None:
+    """As those of a folder here, by their addresses; a damaged one has its row."""
+    root = f"s3://{BUCKET}/listed"
+    rows = [_put_run(tmp_path / "stage", root, name) for name in ("lap/one", "lap/two", "room/x")]
+    (tmp_path / "manifest.json").write_text("{")
+    server.put(tmp_path / "manifest.json", "listed/room/y/manifest.json")
+    listed = list_runs(root)
+    assert [row.path for row in listed] == ["lap/one", "lap/two", "room/x", "room/y"]
+    assert listed[:3] == list_runs(tmp_path / "stage")
+    assert (listed[3].status, listed[3].shape) == ("damaged", None)
+    done = tablemap("runs", "list", root, "--recording", "lap", "--json")
+    assert done.returncode == 0, done.stderr
+    assert [row["path"] for row in json.loads(done.stdout)] == ["lap/one", "lap/two"]
+    done = tablemap("runs", "compare", f"{root}/lap/one", rows[1].path, "--json")
+    compared = json.loads(done.stdout)
+    assert (compared["a"], compared["b"]) == (f"{root}/lap/one", str(rows[1].path))
+    done = tablemap("runs", "list", f"s3://{BUCKET}/nothing")
+    assert done.returncode == 1
+    assert f"No such place): s3://{BUCKET}/nothing" in done.stderr
+
+
+def test_runs_there_are_exported_and_scored(
+    tmp_path: Path, server: Server, demo_recording: Path
+) -> None:
+    """To files of this machine, which must be named."""
+    root = f"s3://{BUCKET}/exported"
+    _put_run(tmp_path / "stage", root, "lap/one")
+    done = tablemap("export", f"{root}/lap", "--to", "svg", "-o", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert Path(done.stdout.strip()) == tmp_path / "out" / "svg" / "table.svg"
+    refused = tablemap("export", f"{root}/lap", "--to", "svg")
+    assert refused.returncode == 2
+    assert "--output" in refused.stderr
+    truth = demo_recording.with_name("demo.truth.json")
+    done = tablemap("evaluate", f"{root}/lap", "--truth", truth, "--json")
+    assert done.returncode == 0, done.stderr
+    loaded = TableModel.load(f"{root}/lap/one/table.json")
+    assert loaded == load_run(f"{root}/lap").model
+    assert loaded.to_json() == rectangle_model().to_json()
+
+
+def test_runs_of_a_web_server_are_read(tmp_path: Path) -> None:
+    """By their own address, for such a server lists nothing, and that is said."""
+    made = make_run(tmp_path, "lap/one", rectangle_model())
+    made.update(files=made.hashes())
+    with _web_server(tmp_path) as (url, _):
+        found = load_run(f"{url}/lap/one")
+        assert found.model == made.model
+        assert found.address == f"{url}/lap/one"
+        with pytest.raises(TablemapError, match=r"give a place as s3:// or gs://.*/lap"):
+            list_runs(f"{url}/lap")
+        made.update(files={"../../outside": ""})
+        with pytest.raises(TablemapError, match="manifest is damaged"):
+            load_run(f"{url}/lap/one")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("runs", "prune", "s3://b/runs"),
+        ("runs", "serve", "s3://b/runs"),
+        ("runs", "unpack", "packed.tar.zst", "-o", "s3://b/runs"),
+        ("convert", "drive.mcap", "-o", "s3://b/copy.mcap"),
+        ("simulate", "demo", "--output", "gs://b/demo.mcap"),
+        ("evaluate", "--output", "s3://b/scores"),
+        ("process", "drive.mcap", "--config", "https://b/settings.toml"),
+    ],
+)
+def test_what_is_of_this_machine_alone_says_so(tmp_path: Path, words: tuple[str, ...]) -> None:
+    """In one sentence that names the place and the way out; no folder ``s3:`` is made."""
+    (place,) = (word for word in words if "://" in word)
+    done = tablemap_here(*words, cwd=tmp_path)
+    assert done.returncode == 2
+    said = " ".join(done.stderr.replace("│", " ").split())
+    assert f"expected a path of this machine, found {place}; copy" in said
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_would_write_beside_a_run_there_says_so(tmp_path: Path, server: Server) -> None:
+    """From Python too; the copy that is read goes with the program."""
+    root = f"s3://{BUCKET}/written"
+    _put_run(tmp_path / "stage", root, "lap/one")
+    for write in (
+        lambda: redraw(f"{root}/lap"),
+        lambda: export_run(f"{root}/lap", ["svg"]),
+        lambda: export_run(load_run(f"{root}/lap"), ["svg"]),
+        lambda: reprocess(f"{root}/lap"),
+    ):
+        with pytest.raises(TablemapError, match=rf"a run of this machine to write to.*{root}/lap"):
+            write()
+    with pytest.raises(TablemapError, match=r"a path of this machine, found .*s3://b/out"):
+        export_run(tmp_path / "stage" / "lap" / "one", ["svg"], output="s3://b/out")
 
 
 @pytest.mark.slow

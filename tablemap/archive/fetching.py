@@ -6,27 +6,35 @@ import atexit
 import shutil
 import tempfile
 from pathlib import Path
+from typing import cast
 
+from tablemap.archive.manifest import Manifest
 from tablemap.errors import TablemapError
+from tablemap.files import read_text
 from tablemap.remote import RemotePath, place_at
 
 MANIFEST, LATEST = "manifest.json", "latest"
 _FOLDERS = ("", "tables", "exports")
 
 
-def fetched_run(url: str) -> Path:
-    """Copy a run to a temporary folder that lasts as long as the program, and return it.
+def fetched_run(url: str) -> tuple[Path, str]:
+    """Copy a run to a temporary folder that lasts as long as the program.
 
-    ``url`` names the run, a file in it, or its recording, whose ``latest`` names the run. Raises
-    `TablemapError` if there is no run, or the server does not give it.
+    ``url`` names the run, a file in it, or its recording, whose ``latest`` names the run. Returns
+    the folder and the run's own address. Raises `TablemapError` if there is no run, or the server
+    does not give it.
     """
-    run = copied_run(url)
-    atexit.register(shutil.rmtree, run.parent.parent, ignore_errors=True)
-    return run
+    folder, address = _copied(url)
+    atexit.register(shutil.rmtree, folder.parent.parent, ignore_errors=True)
+    return folder, address
 
 
 def copied_run(url: str) -> Path:
     """Copy a run as `fetched_run` does, to a folder that stays."""
+    return _copied(url)[0]
+
+
+def _copied(url: str) -> tuple[Path, str]:
     place_at(url)  # says what to install where that is missing
     given = RemotePath(url.rstrip("/"))
     try:
@@ -34,16 +42,30 @@ def copied_run(url: str) -> Path:
         if run is None:
             raise TablemapError(f"expected a run folder with a manifest.json, found none: {given}")
         folder = Path(tempfile.mkdtemp(prefix="tablemap-")) / run.parent.name / run.name
-        for part in _FOLDERS:
-            source = run / part if part else run
-            for file in source.iterdir():
-                target = folder / part / file.name
-                target.parent.mkdir(parents=True, exist_ok=True)
-                with file.open() as stream, target.open("wb") as copy:
-                    shutil.copyfileobj(stream, copy)
+        for name in _names(run):
+            target = folder / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            with (run / name).open() as stream, target.open("wb") as copy:
+                shutil.copyfileobj(stream, copy)
     except OSError as error:
         raise TablemapError(f"the run cannot be fetched ({error.strerror}): {given}") from error
-    return folder
+    except ValueError as error:
+        raise TablemapError(f"the run's manifest is damaged: {given}") from error
+    return folder, str(run)
+
+
+def _names(run: RemotePath) -> list[str]:
+    """Return the names of a run's files, relative to it.
+
+    Raises `OSError` as `RemotePath.iterdir` does, and `ValueError` for a damaged manifest.
+    """
+    if run.url.startswith("http"):  # a web server lists nothing, and the manifest does
+        manifest = Manifest.model_validate_json(read_text(cast(Path, run / MANIFEST)))
+        if any(".." in name or name.startswith("/") for name in manifest.files):
+            raise ValueError("a file that is not in the run's folder")
+        return [MANIFEST, *manifest.files]
+    places = [run / part if part else run for part in _FOLDERS]
+    return [file.url.removeprefix(f"{run.url}/") for place in places for file in place.iterdir()]
 
 
 def is_run(url: str) -> bool:

@@ -48,11 +48,13 @@ class RunFolder:
     folder cannot be made or written.
 
     - ``path``: the folder, absolute if `load_run` opened it
+    - ``url``: where the run lies on a server; ``path`` is then a copy that goes with the program
     - ``manifest``: the run's input and settings, and how it ended
     """
 
-    def __init__(self, path: Path, manifest: Manifest) -> None:
+    def __init__(self, path: Path, manifest: Manifest, *, url: str | None = None) -> None:
         self.path = path
+        self.url = url
         self.manifest = manifest
         self._made: tuple[int, int] | None = None
         self._written: dict[str, str] = {}
@@ -62,6 +64,11 @@ class RunFolder:
 
     def __repr__(self) -> str:
         return f"RunFolder({str(self.path)!r}, {self.manifest.status!r})"
+
+    @property
+    def address(self) -> str:
+        """Where the run is found again: its place on a server, or its folder."""
+        return self.url or str(self.path)
 
     @staticmethod
     def create(
@@ -286,7 +293,11 @@ def load_run(run: AnyPath) -> RunFolder:
     """
     if isinstance(run, RunFolder):
         return run
-    path = fetched_run(run) if isinstance(run, str) and is_remote(run) else as_path(run)
+    url = None
+    if is_remote(run):
+        path, url = fetched_run(str(run))
+    else:
+        path = as_path(run)
     folder = path if is_folder(path) else path.parent
     latest = folder / LATEST
     if not is_file(folder / MANIFEST) and path in (folder, latest) and is_link(latest):
@@ -295,13 +306,21 @@ def load_run(run: AnyPath) -> RunFolder:
                 f"the run that this link names is gone; give another of its runs: {latest}"
             )
         folder = latest.resolve()
+    return RunFolder(folder.resolve(), read_manifest(folder, given=path), url=url)
+
+
+def read_manifest(folder: Path, *, given: Path) -> Manifest:
+    """Read the manifest of a run, which may lie on a server; errors name the ``given`` path.
+
+    Raises `TablemapError` if there is none, or it is damaged.
+    """
     file = folder / MANIFEST
     try:
-        manifest = Manifest.model_validate_json(read_text(file))
+        return Manifest.model_validate_json(read_text(file))
     except (FileNotFoundError, NotADirectoryError) as error:
         raise TablemapError(
             f"expected a run folder with a manifest.json, found none; give the path that "
-            f"`tablemap process` printed: {path}"
+            f"`tablemap process` printed: {given}"
         ) from error
     except OSError as error:
         raise TablemapError(
@@ -309,7 +328,16 @@ def load_run(run: AnyPath) -> RunFolder:
         ) from error
     except ValueError as error:
         raise TablemapError(f"the run's manifest is damaged: {file}") from error
-    return RunFolder(folder.resolve(), manifest)
+
+
+def check_writable(run: AnyPath) -> None:
+    """Raise `TablemapError` where a run lies on a server: what is written to its copy is lost."""
+    url = run.url if isinstance(run, RunFolder) else str(run) if is_remote(run) else None
+    if url is not None:
+        raise TablemapError(
+            "expected a run of this machine to write to, found one on a server; name an output "
+            f"folder of this machine, or copy the run to it (aws s3 sync): {url}"
+        )
 
 
 def load_model(model: TableModel | AnyPath) -> TableModel:
@@ -326,6 +354,8 @@ def load_model(model: TableModel | AnyPath) -> TableModel:
 
 def names_model(path: AnyPath) -> bool:
     """Tell whether a path is a file with a table model, and not a run."""
+    if is_remote(path):
+        return False
     file = as_path(path)
     return file.suffix == ".json" and file.name != MANIFEST and not is_folder(file)
 

@@ -8,10 +8,12 @@ index that is lost, damaged or of another version is built again.
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import math
 import os
 from collections.abc import Iterator
+from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -19,13 +21,16 @@ from tablemap.errors import TablemapError
 from tablemap.files import is_file, read_bytes, write_whole
 from tablemap.model.shapes import shape_named
 from tablemap.paths import AnyPath, as_path
+from tablemap.remote import RemotePath, is_remote, place_at
 from tablemap.words import shortened
 
 if TYPE_CHECKING:
     from tablemap.model import TableModel
 
-INDEX = ".index.json"
+INDEX, MANIFEST = ".index.json", "manifest.json"
 SCHEMA = "tablemap/index/2"
+_REQUESTS = 16
+"""Requests at once: a list waits for the answers of two or three a run."""
 MOST_ROW_BYTES = 32 * 1024
 """No index is read that has more for each run that is there."""
 
@@ -62,9 +67,11 @@ class RunRow(NamedTuple):
 def list_runs(folder: AnyPath = "runs", *, index: AnyPath | None = None) -> list[RunRow]:
     """Return a row for each run under ``folder``, in the order of their paths.
 
-    The ``index`` (by default in the folder) is updated if it may be written. Raises `TablemapError`
-    if there is no such folder.
+    The ``index`` (by default in the folder) is updated if it may be written; runs on a server have
+    none, and each is read. Raises `TablemapError` if there is no such folder.
     """
+    if is_remote(folder):
+        return _remote_rows(place_at(str(folder)))
     folder = as_path(folder)
     file = folder / INDEX if index is None else as_path(index)
     there = list(_runs(folder))
@@ -83,6 +90,28 @@ def list_runs(folder: AnyPath = "runs", *, index: AnyPath | None = None) -> list
     return [_as_it_is(folder, rows[path][1]) for path in sorted(rows)]
 
 
+def _remote_rows(folder: Path) -> list[RunRow]:
+    """Return a row for each run below a place on a server."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    given = RemotePath(str(folder))
+    if given.url.startswith("http"):
+        raise TablemapError(
+            "a web server does not tell which runs it has; give a place as s3:// or gs://, or a "
+            f"run's own address to `runs show`: {folder}"
+        )
+    try:
+        with ThreadPoolExecutor(_REQUESTS) as pool:
+            found = [run for runs in pool.map(RemotePath.folders, given.folders()) for run in runs]
+            if not found and not given.exists():
+                raise FileNotFoundError(errno.ENOENT, "No such place", str(given))
+            whole = pool.map(lambda run: (run / MANIFEST).is_file(), found)
+            names = [f"{run.parent.name}/{run.name}" for run in compress(found, whole)]
+            return list(pool.map(lambda name: read_row(folder, name), sorted(names)))
+    except OSError as error:
+        raise TablemapError(f"expected a place with runs ({error.strerror}): {folder}") from error
+
+
 def _as_it_is(folder: Path, row: RunRow) -> RunRow:
     """Return a row, as ``dead`` where it is said to run and nobody is there that writes it."""
     if row.status != "running":
@@ -98,13 +127,17 @@ def _as_it_is(folder: Path, row: RunRow) -> RunRow:
 def read_row(folder: Path, path: str) -> RunRow:
     """Read one run; the row's status says if it cannot be read."""
     # Most listings find all rows in the index, and read no run.
-    from tablemap.archive.folder import MODEL, load_run
+    from tablemap.archive.folder import MODEL, load_run, read_manifest
     from tablemap.archive.manifest import LEAVE_A_MODEL
     from tablemap.model import TableModel
 
     recording, run = path.split("/")
     try:
-        manifest = load_run(folder / path).manifest
+        there = folder / path
+        if is_remote(there):
+            manifest = read_manifest(there, given=there)
+        else:
+            manifest = load_run(there).manifest
     except TablemapError as error:
         return RunRow(path, recording, run, "", "damaged", None, str(error), None, None, {})
     model, trouble = None, manifest.error
@@ -178,7 +211,7 @@ def _runs(folder: Path) -> Iterator[tuple[str, Stamp]]:
             if run.name.startswith(".") or run.is_symlink() or not _is_folder(run):
                 continue
             stamp = (
-                *_changed(f"{run.path}/manifest.json"),
+                *_changed(f"{run.path}/{MANIFEST}"),
                 *_changed(f"{run.path}/table.json"),
             )
             if stamp[0]:

@@ -7,10 +7,13 @@ import inspect
 import traceback
 from collections.abc import Callable
 from contextvars import ContextVar
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from typer.models import CommandFunctionType
+
+from tablemap.remote import SCHEMES
 
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 
@@ -23,7 +26,7 @@ def show_tracebacks(wanted: bool) -> None:
 
 
 class Commands(typer.Typer):
-    """A group of commands, each of which takes ``--debug``."""
+    """A group of commands, each of which takes ``--debug``, and no servers where it takes paths."""
 
     def command(
         self, name: str | None = None, **options: Any
@@ -32,10 +35,37 @@ class Commands(typer.Typer):
         register = super().command(name, **options)
 
         def registered(command: CommandFunctionType) -> CommandFunctionType:
-            register(_showing_tracebacks(command))
+            register(_showing_tracebacks(_on_this_machine(command)))
             return command
 
         return registered
+
+
+def _on_this_machine(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the command, which refuses places on a server where it takes paths.
+
+    A path has lost one slash of ``s3://``; it would be read or made as a folder of that name.
+    """
+
+    @functools.wraps(command)
+    def run(**given: Any) -> Any:
+        values = [each for one in given.values() for each in (one if _is_list(one) else [one])]
+        for path in values:
+            scheme, colon, rest = str(path).partition(":/")
+            if isinstance(path, Path) and colon and scheme in SCHEMES:
+                raise typer.BadParameter(
+                    f"expected a path of this machine, found {scheme}://{rest.lstrip('/')}; copy "
+                    "what is there to this machine, or what is written here to the server, as with "
+                    "aws s3 sync."
+                )
+        return command(**given)
+
+    run.__signature__ = inspect.signature(command, eval_str=True)  # type: ignore[attr-defined]
+    return run
+
+
+def _is_list(given: object) -> bool:
+    return isinstance(given, (list, tuple))
 
 
 def _showing_tracebacks(command: Callable[..., Any]) -> Callable[..., Any]:

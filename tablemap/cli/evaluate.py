@@ -13,6 +13,7 @@ import typer
 from tablemap.cli import completing
 from tablemap.cli.options import ConfigFile, Json, Settings
 from tablemap.cli.printing import aligned, say, stderr_console
+from tablemap.remote import is_remote
 from tablemap.words import shown
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 def evaluate(
     paths: Annotated[
-        list[Path] | None,
+        list[str] | None,
         typer.Argument(
             help="Run folders, or recordings with NAME.truth.json beside them; none: a suite.",
             metavar="PATH",
@@ -87,7 +88,7 @@ def evaluate(
 
     resolved = load_config(config, overrides=settings or ())
     methods = suites.METHODS if method == "both" else (method,)
-    runs = [path for path in paths or [] if path.is_dir()]
+    runs = [path for path in paths or [] if is_remote(path) or Path(path).is_dir()]
     if runs:
         if len(runs) != len(paths or []):
             raise typer.BadParameter("give run folders or recordings, not both.")
@@ -102,7 +103,7 @@ def evaluate(
             raise typer.BadParameter("--truth goes with a run folder.")
         cases = suites.cases_of(
             suite if not tables else "report",
-            recordings=paths or [],
+            recordings=[Path(path) for path in paths or []],
             seeds=range(first_seed, first_seed + seeds),
             methods=methods,
             nominal=nominal or tables,

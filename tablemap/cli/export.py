@@ -10,7 +10,7 @@ import typer
 from typer.core import TyperCommand
 
 from tablemap.cli import completing
-from tablemap.cli.options import ConfigFile, Json
+from tablemap.cli.options import ConfigFile, Json, check_output
 from tablemap.cli.printing import complain, say
 
 
@@ -26,7 +26,7 @@ class ListsFormats(TyperCommand):
 
 
 def export(
-    run: Annotated[Path, typer.Argument(help="Run folder, or a table.json.", metavar="RUN")],
+    run: Annotated[str, typer.Argument(help="Run folder, or a table.json.", metavar="RUN")],
     formats: Annotated[
         list[str],
         typer.Option(
@@ -65,6 +65,7 @@ def export(
     from tablemap.config import load_config
     from tablemap.export import export_run
 
+    check_output(run, output)
     overrides = [*(settings or ()), *([] if padding is None else [f"export.padding={padding}"])]
     resolved = load_config(config, overrides=overrides).export
     exported = export_run(run, formats, output=output, config=resolved)

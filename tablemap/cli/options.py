@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from tablemap.cli import completing
+from tablemap.remote import is_remote
 
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
 ConfigFile = Annotated[
@@ -42,3 +43,9 @@ def window(start: str | None, end: str | None) -> list[str]:
     """Return the settings of ``--start`` and ``--end``."""
     given = {"start": start, "end": end}
     return [f"topics.{name}={when}" for name, when in given.items() if when is not None]
+
+
+def check_output(run: str, output: Path | None) -> None:
+    """Refuse to write beside a run that is on a server: there is only a copy of it here."""
+    if output is None and is_remote(run):
+        raise typer.BadParameter("RUN is on a server: --output says where to write.")

@@ -23,6 +23,7 @@ from tablemap.evaluation.truth import Truth
 from tablemap.events import StageFinished
 from tablemap.files import read_text, write_whole
 from tablemap.paths import AnyPath
+from tablemap.remote import is_remote
 from tablemap.version import __version__
 from tablemap.words import known_name
 
@@ -246,6 +247,11 @@ def score_run(run: AnyPath, truth: AnyPath | None = None) -> RunScore:
 
     folder = load_run(run)
     manifest = folder.manifest
+    if truth is None and is_remote(manifest.recording.path):
+        raise TablemapError(
+            "expected --truth FILE, since the run's recording is on a server: "
+            f"{manifest.recording.path}"
+        )
     file = truth or Truth.beside(Path(manifest.recording.path))
     result = score(folder.model, Truth.load(file))
     name = Path(manifest.recording.path).stem

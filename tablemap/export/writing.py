@@ -58,9 +58,12 @@ def export_run(
     of them. ``output`` is by default the run's ``exports/``; if it is a file, only the chosen table
     is written. Raises the errors of `export_model`, and `TablemapError` if the run left no model.
     """
+    from tablemap.archive.folder import check_writable
     from tablemap.model import TableModel
 
     chosen = check_formats(formats)
+    if output is None:
+        check_writable(run)
     folder, tables = _tables(run)
     target = folder / "exports" if output is None else as_path(output)
     if _is_file(target, chosen):

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ValidationError
 
 from tablemap.errors import TablemapError
 from tablemap.files import read_text
-from tablemap.paths import AnyPath, as_path
+from tablemap.paths import AnyPath, as_place
 from tablemap.words import shortened
 
 Document = TypeVar("Document", bound=BaseModel)
@@ -17,7 +17,7 @@ Document = TypeVar("Document", bound=BaseModel)
 
 def read_document(path: AnyPath, kind: type[Document], *, schema: str, noun: str) -> Document:
     """Read a file and parse its text with `parse_document`; errors end with the path."""
-    file = as_path(path)
+    file = as_place(path)
     try:
         text = read_text(file)
     except (OSError, UnicodeDecodeError) as error:

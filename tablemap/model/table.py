@@ -24,7 +24,7 @@ from pydantic.functional_serializers import PlainSerializer
 from tablemap.errors import TablemapError
 from tablemap.model.documents import damage, document_schema, parse_document, read_document
 from tablemap.model.shapes import DIMENSIONS, SectionName, ShapeName
-from tablemap.paths import AnyPath, as_path
+from tablemap.paths import AnyPath, as_place
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -349,7 +349,7 @@ class TableModel(Part):
 
         Raises `TablemapError` if there is none, or the file is no table model.
         """
-        given = as_path(path)
+        given = as_place(path)
         file = given / "table.json" if given.is_dir() else given
         return read_document(file, TableModel, schema=SCHEMA, noun=NOUN)
 

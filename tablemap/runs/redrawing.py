@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tablemap.archive.folder import RunFolder, load_run
+from tablemap.archive.folder import RunFolder, check_writable, load_run
 from tablemap.errors import TablemapError
 from tablemap.files import whole_file
 from tablemap.paths import AnyPath
@@ -18,6 +18,7 @@ def redraw(run: AnyPath) -> Path:
     The earlier file stays until the new one is whole. Raises `TablemapError` if the run goes on or
     keeps no results, or if a file cannot be read or written.
     """
+    check_writable(run)
     folder = load_run(run)
     results = folder.path / RESULTS
     if folder.manifest.status == "running":

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
-from tablemap.archive.folder import RunFolder, load_run, table_name, trajectory_tum
+from tablemap.archive.folder import RunFolder, check_writable, load_run, table_name, trajectory_tum
 from tablemap.archive.liveness import Heart
 from tablemap.archive.verification import find_input
 from tablemap.config import Config, Method, Tables, check_tables, dump_config, load_config
@@ -137,6 +137,8 @@ def reprocess(
     like `run`. Raises `RecordingError` if the recording is gone or has changed, `ConfigError` for
     settings that are not valid, and `TablemapError` if there is no run.
     """
+    if output is None:
+        check_writable(folder)
     folder = load_run(folder)
     manifest = folder.manifest
     # The manifest knows them of runs too whose config.toml does not.

@@ -9,7 +9,6 @@ import typer
 
 from tablemap.cli import completing
 from tablemap.cli.commands import Commands
-from tablemap.remote import is_remote
 
 runs_app = Commands(no_args_is_help=True, rich_markup_mode=None)
 
@@ -24,9 +23,3 @@ Statuses = Annotated[
     ),
 ]
 Run = Annotated[str, typer.Argument(help="Run folder.", metavar="RUN")]
-
-
-def check_output(run: str, output: Path | None) -> None:
-    """Refuse to write beside a run that is on a server: there is only a copy of it here."""
-    if output is None and is_remote(run):
-        raise typer.BadParameter("RUN is on a server: --output says where to write.")

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from tablemap.cli import completing
-from tablemap.cli.options import Json, Quiet, Strict
+from tablemap.cli.options import Json, Quiet, Strict, check_output
 from tablemap.cli.printing import (
     complain,
     exit_code,
@@ -21,7 +21,7 @@ from tablemap.cli.printing import (
     stdout_console,
 )
 from tablemap.cli.process import process_one
-from tablemap.cli.runs.app import Run, Runs, Statuses, check_output, runs_app
+from tablemap.cli.runs.app import Run, Runs, Statuses, runs_app
 from tablemap.words import counted
 
 

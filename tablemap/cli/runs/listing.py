@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -13,7 +12,7 @@ import typer
 from tablemap.cli import completing
 from tablemap.cli.options import Json
 from tablemap.cli.printing import aligned, metres_text, say, size_text
-from tablemap.cli.runs.app import Runs, Statuses, runs_app
+from tablemap.cli.runs.app import Statuses, runs_app
 
 if TYPE_CHECKING:
     from tablemap.archive.index import RunRow
@@ -21,7 +20,9 @@ if TYPE_CHECKING:
 
 @runs_app.command("list")
 def list_(
-    folder: Runs = Path("runs"),
+    folder: Annotated[
+        str, typer.Argument(help="Folder of run folders, or s3://BUCKET/RUNS.", metavar="DIR")
+    ] = "runs",
     recording: Annotated[
         str, typer.Option("--recording", help="Recordings of this name.", metavar="PATTERN")
     ] = "*",

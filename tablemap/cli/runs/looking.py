@@ -34,7 +34,7 @@ def show(run: Run, as_json: Json = False) -> None:
     others = folder.others if has_ended else ()
     if as_json:
         document = {
-            "path": str(folder.path),
+            "path": folder.address,
             "manifest": manifest.model_dump(mode="json", by_alias=True),
             "model": json.loads(model.to_json()) if model else None,
             "others": [other_entry(other, folder) for other in others],
@@ -42,7 +42,7 @@ def show(run: Run, as_json: Json = False) -> None:
         say(json.dumps(document, indent=1))
         return
     rows = [
-        ("run", str(folder.path)),
+        ("run", folder.address),
         ("recording", manifest.recording.path),
         ("method", f"{manifest.method}, seed {manifest.seed}"),
         ("tablemap", manifest.versions.get("tablemap", "unknown")),
@@ -97,13 +97,11 @@ def compare(
             }
             for kind, differing in apart.items()
         }
-        named = {
-            letter.lower(): str(run.path) for letter, run in zip(letters, folders, strict=True)
-        }
+        named = {letter.lower(): run.address for letter, run in zip(letters, folders, strict=True)}
         say(json.dumps({**named, **document, **conditions}, indent=1))
     else:
         if len(folders) > 2:
-            say(aligned(zip(letters, (str(run.path) for run in folders), strict=True)) + "\n")
+            say(aligned(zip(letters, (run.address for run in folders), strict=True)) + "\n")
         say(aligned(rows))
         for kind, differing in apart.items():
             if differing:
@@ -231,10 +229,10 @@ def verify(
         checks = verify_run(run)
         failed |= not all(check.passed for check in checks)
         if as_json:
-            document = {"run": str(run.path), "checks": [asdict(check) for check in checks]}
+            document = {"run": run.address, "checks": [asdict(check) for check in checks]}
             say(json.dumps(document))
         else:
-            say(run.path)
+            say(run.address)
             rows = [(f"  {each.outcome}", each.name, each.detail or "") for each in checks]
             say(aligned(rows))
     raise typer.Exit(1 if failed else 0)

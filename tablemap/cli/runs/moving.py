@@ -9,9 +9,9 @@ from typing import Annotated
 
 import typer
 
-from tablemap.cli.options import Json
+from tablemap.cli.options import Json, check_output
 from tablemap.cli.printing import complain, say
-from tablemap.cli.runs.app import Run, Runs, check_output, runs_app
+from tablemap.cli.runs.app import Run, Runs, runs_app
 from tablemap.words import counted
 
 
