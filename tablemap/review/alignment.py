@@ -9,13 +9,15 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from tablemap import palette
-from tablemap.geometry import Pose2, transform
+from tablemap.geometry import Floats, Pose2, transform
 from tablemap.review import colours, text
 from tablemap.review.clouds import raised
 from tablemap.review.current import camera_of_stop
+from tablemap.review.eyes import stops_eye
 from tablemap.review.motion import log_correction, log_trajectory
 from tablemap.review.pairs import Pairs
-from tablemap.review.stream import FEW_STOPS, Stream
+from tablemap.review.room import LOW, Room
+from tablemap.review.stream import FEW_STOPS, DrawnScene, Stream
 from tablemap.stages.registration import Pair, Registration, StopScan
 
 GRAPH_PIXELS_PER_METRE = 160.0
@@ -115,7 +117,23 @@ def _log_stops(stream: Stream, path: str, poses: Sequence[Pose2], used: tuple[bo
                 show_labels=False,
             ),
         )
-        stream.names(f"{path}/names", [strip[-1] for strip in strips], labels, shown=is_few)
+        places = _beside(stream.scene, strips, labels) if is_few else [one[-1] for one in strips]
+        stream.names(f"{path}/names", places, labels, shown=is_few)
+
+
+def _beside(
+    scene: DrawnScene, cameras: Sequence[NDArray[np.float32]], labels: Sequence[str]
+) -> list[Floats]:
+    """Return where the stops' names are clear of their cameras, away from the table."""
+    room = Room(stops_eye(scene), LOW)
+    for line in cameras:
+        room.take_line(line, width=5)
+    tips = [line[-1].astype(np.float64) for line in cameras]
+    centre = np.array(scene.centre or np.mean(tips, axis=0)[:2])
+    return [
+        room.place(label, tip, away=tip[:2] - centre)
+        for label, tip in zip(labels, tips, strict=True)
+    ]
 
 
 def _log_bases(stream: Stream, registration: Registration) -> None:

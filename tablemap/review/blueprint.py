@@ -59,14 +59,10 @@ def _overview(scene: DrawnScene) -> rrb.Container:
         shown += [f"/tables/{number:02d}/model/{part}/**" for part in ("top", "legs")]
     if len(scene.localised) <= FEW_STOPS:
         shown.append("/registration/after/clutter/**")
+    if "legs" not in scene.reached or scene.failed:
+        shown += ["/segmentation/candidates/**", "/trajectory/localised"]
     if "legs" not in scene.reached:
-        shown += [
-            "/registration/after/**",
-            "/segmentation/candidates/**",
-            "/outline/edges/table/**",
-            "/surface/chosen/**",
-            "/trajectory/localised",
-        ]
+        shown += ["/registration/after/**", "/outline/edges/table/**", "/surface/chosen/**"]
     if "registration" not in scene.reached:
         shown += [
             "/registration/localised_stops/**",

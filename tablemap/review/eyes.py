@@ -25,6 +25,9 @@ ABOVE = 2.1
 STEEPNESS = 1.3
 """Rise of the eye of the first view for each metre that it stands back."""
 MOST_ROUND = 4.0
+"""Stops farther than so many sizes of the table need not be in a view of the table."""
+FARTHEST = 9.0
+"""The same for a view of the stops."""
 BESIDE = 0.2  # metres: the numbers beside the table
 EYE_ASIDE = 0.3  # radians from straight before the table, so that two of its sides are visible
 MOST_ASIDE = 0.9
@@ -47,25 +50,24 @@ def table_eye(scene: DrawnScene) -> Eye:
     return _eye(scene, scene.centre or (0.0, 0.0), WHOLE * scene.extent, STEEPNESS)
 
 
-def round_table(
-    scene: DrawnScene,
-    name: str,
-    contents: list[str],
-    *,
-    steepness: float,
-    overrides: Overrides | None = None,
-) -> rrb.Spatial3DView:
-    """Return a 3D view of the table and the stops round it, from ``steepness``; see `_eye`."""
-    eye = _eye(scene, _middle(scene), ROUND * _surround(scene), steepness)
-    return seen_from(eye, scene, name, contents, overrides=overrides)
+def views_eye(scene: DrawnScene) -> Eye:
+    """Return the eye of the segmented views: rather flat, as the camera looked."""
+    return _eye(scene, _middle(scene), ROUND * _surround(scene), 0.8)
 
 
-def of_table(
-    scene: DrawnScene, name: str, contents: list[str], *, steepness: float
-) -> rrb.Spatial3DView:
-    """Return a 3D view of the table alone, from ``steepness``; see `_eye`."""
-    place = scene.centre or (0.0, 0.0)
-    return seen_from(_eye(scene, place, NEAR * scene.extent, steepness), scene, name, contents)
+def stops_eye(scene: DrawnScene) -> Eye:
+    """Return the eye of the registration: all stops, almost from above."""
+    return _eye(scene, _middle(scene), ROUND * _surround(scene, FARTHEST), 4.0)
+
+
+def edges_eye(scene: DrawnScene) -> Eye:
+    """Return the eye of the top's edges: almost from above."""
+    return _eye(scene, scene.centre or (0.0, 0.0), NEAR * scene.extent, 5.0)
+
+
+def legs_eye(scene: DrawnScene) -> Eye:
+    """Return the eye of the legs."""
+    return _eye(scene, scene.centre or (0.0, 0.0), NEAR * scene.extent, STEEPNESS)
 
 
 def of_pairs(scene: DrawnScene, name: str) -> rrb.Spatial3DView:
@@ -113,7 +115,7 @@ def _middle(scene: DrawnScene) -> tuple[float, float]:
     return float(middle[0]), float(middle[1])
 
 
-def _surround(scene: DrawnScene) -> float:
+def _surround(scene: DrawnScene, farthest: float = MOST_ROUND) -> float:
     """Return the distance of table and stops from the middle, metres, with an upper limit."""
     if not scene.localised:
         return 2 * scene.extent
@@ -122,7 +124,7 @@ def _surround(scene: DrawnScene) -> float:
     if scene.centre is None:
         return float(max(np.median(away), 2 * scene.extent))
     table = float(np.linalg.norm(np.array(scene.centre) - middle)) + scene.extent + BESIDE
-    most = MOST_ROUND * scene.extent
+    most = farthest * scene.extent
     return max(float(away[away <= most].max(initial=0.0)), table)
 
 

@@ -11,7 +11,9 @@ from tablemap import palette
 from tablemap.geometry import Floats, transform
 from tablemap.review import colours, text
 from tablemap.review.clouds import closed, middles, thinned
-from tablemap.review.stream import Stream
+from tablemap.review.eyes import views_eye
+from tablemap.review.room import LOW, Room
+from tablemap.review.stream import DrawnScene, Stream
 from tablemap.stages.calibration import Calibration
 from tablemap.stages.segmentation import (
     Label,
@@ -67,6 +69,7 @@ class Perception:
         self._log_context(stream)
         self._log_views(stream, segmentation.views)
         self._log_candidates(stream, segmentation)
+        self._found = segmentation.candidates
         self._snapshots = ()
 
     def log_refused(self, stream: Stream, refused: TableRefused) -> None:
@@ -76,6 +79,41 @@ class Perception:
         stream.hold()
         stream.text("segmentation/summary", text.refused(refused, self._found))
         self._snapshots = ()
+
+    def log_names(self, stream: Stream) -> None:
+        """Name the candidates again where the picture of the views has room, all if none won."""
+        scene = stream.scene
+        floor, failed = scene.floor_z, scene.failed
+        if failed:
+            self._look_at_all(scene)
+        room = Room(views_eye(scene), LOW)
+        for one in self._found[:MOST_IN_SIGHT]:
+            if len(one.hull):
+                room.take_solid(one.hull, floor + one.height, floor + one.height)
+        towards = np.subtract(room.eye.position, room.eye.target)[:2]
+        stream.hold()
+        for name, is_shown in (("chosen", True), ("others", failed)):
+            named = {
+                k: one for k, one in enumerate(self._found) if one.chosen == (name == "chosen")
+            }
+            texts = _short(named, whole=_labels(named))
+            middle = middles([closed(one.hull, floor + one.height) for one in named.values()])
+            places = [
+                room.place(text, place.astype(np.float64), away=towards)
+                if is_shown and np.isfinite(place).all()
+                else place
+                for text, place in zip(texts, middle, strict=True)
+            ]
+            stream.names(
+                f"segmentation/candidates/{name}/names",
+                np.array(places).reshape(-1, 3),
+                texts,
+                shown=is_shown,
+            )
+
+    def told(self) -> str:
+        """Return what could have been the table, and the reasons against it."""
+        return text.candidates(self._found) if self._found else ""
 
     def log_as_far_as_it_came(self, stream: Stream) -> None:
         """Log the points of snapshots that nobody labelled, for a run that ended before that."""
@@ -152,12 +190,7 @@ class Perception:
         self._found = found.candidates
         stream.hold()
         stream.text("segmentation/summary", text.candidates(found.candidates))
-        hulls = [one.hull for one in found.candidates[:MOST_IN_SIGHT] if len(one.hull)]
-        if hulls:
-            all_of_them = np.concatenate(hulls)
-            middle = (all_of_them.min(axis=0) + all_of_them.max(axis=0)) / 2
-            stream.scene.centre = (float(middle[0]), float(middle[1]))
-            stream.scene.extent = float(np.linalg.norm(all_of_them - middle, axis=1).max())
+        self._look_at_all(stream.scene)
         _log_hulls(
             stream,
             "candidates/others",
@@ -165,6 +198,15 @@ class Perception:
             palette.OTHER_SURFACE,
             show_labels=True,
         )
+
+    def _look_at_all(self, scene: DrawnScene) -> None:
+        """Let the views show the first of the candidates."""
+        hulls = [one.hull for one in self._found[:MOST_IN_SIGHT] if len(one.hull)]
+        if hulls:
+            all_of_them = np.concatenate(hulls)
+            middle = (all_of_them.min(axis=0) + all_of_them.max(axis=0)) / 2
+            scene.centre = (float(middle[0]), float(middle[1]))
+            scene.extent = float(np.linalg.norm(all_of_them - middle, axis=1).max())
 
     def _log_candidates(self, stream: Stream, segmentation: Segmentation) -> None:
         stream.hold()
@@ -196,12 +238,7 @@ def _log_hulls(
     """
     floor = stream.scene.floor_z
     strips = [closed(one.hull, floor + one.height) for one in candidates.values()]
-    labels = [
-        f"{number}: {one.height:.2f} m high"
-        + (f", {one.reason or 'a table'}" if len(candidates) <= FEW_CANDIDATES else "")
-        for number, one in candidates.items()
-    ]
-    short = labels if len(labels) <= FEW_CANDIDATES else [str(number) for number in candidates]
+    labels = _labels(candidates)
     stream.log(
         f"segmentation/{name}",
         rr.LineStrips3D(
@@ -212,7 +249,22 @@ def _log_hulls(
             show_labels=False,
         ),
     )
+    short = _short(candidates, whole=labels)
     stream.names(f"segmentation/{name}/names", middles(strips), short, shown=show_labels)
+
+
+def _labels(candidates: dict[int, TableCandidate]) -> list[str]:
+    """Return the candidates' numbers and heights, of few also what was made of them."""
+    return [
+        f"{number}: {one.height:.2f} m high"
+        + (f", {one.reason or 'a table'}" if len(candidates) <= FEW_CANDIDATES else "")
+        for number, one in candidates.items()
+    ]
+
+
+def _short(candidates: dict[int, TableCandidate], *, whole: list[str]) -> list[str]:
+    """Return the names that are shown: those of many are their numbers."""
+    return whole if len(whole) <= FEW_CANDIDATES else [str(number) for number in candidates]
 
 
 def _residual_image(metres: Floats) -> NDArray[np.uint8]:

@@ -13,6 +13,8 @@ from tablemap.review.stream import Stream
 BAR_WIDTH = 400.0
 BAR_PITCH = 30.0
 BAR_HEIGHT = 20.0
+CHOICE = "segmentation"
+"""The stage that chooses the table; it also refuses models."""
 LABEL_DROP = 11.0  # the viewer writes labels this far below their points
 
 
@@ -69,11 +71,18 @@ def _log_bars(stream: Stream, stages: list[tuple[str, float]]) -> None:
     )
 
 
-def log_failure(stream: Stream, failed: RunFailed) -> None:
-    """Say in the summary and in the log that the run has no model, and why."""
-    stream.scene.failed = True
+def log_failure(stream: Stream, failed: RunFailed, *, found: str) -> None:
+    """Say in the summary and in the log that the run has no model, and why.
+
+    ``found`` are the surfaces that were seen, for a stage that told nothing itself. A model that
+    was refused when it was there is taken away.
+    """
+    scene = stream.scene
+    scene.failed, scene.is_modelled = True, False
     stream.hold()
-    stream.text("summary", story.failure(failed.stage, failed.message, stream.scene.told))
+    if failed.stage == CHOICE:
+        stream.rec.log("model", rr.Clear(recursive=True))
+    stream.text("summary", story.failure(failed.stage, failed.message, scene.told or found))
     if stream.config.level != "off":
         stream.log_flat("log", rr.TextLog(f"{failed.stage}: {failed.message}", level="ERROR"))
     stream.flush()

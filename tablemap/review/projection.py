@@ -39,6 +39,8 @@ class Projection:
         self._snapshots: dict[int, Snapshot] = {}
         self._recorded: dict[int, Snapshot] = {}
         self._unused: set[int] = set()
+        self._found: tuple[TableCandidate, ...] = ()
+        self._has_model = False
 
     def take_cameras(self, calibration: Calibration) -> None:
         """Take the snapshots, as recorded and corrected."""
@@ -96,8 +98,18 @@ class Projection:
                     frame=frame,
                 )
 
+    def log_failure(self, stream: Stream) -> None:
+        """Log the surfaces that were found in place of a model that was refused."""
+        if not self._has_model:
+            return
+        self.log_candidates(stream, self._found)
+        for _, frame in self._in_turn(stream):
+            for part in ("outline", "underside", "legs"):
+                stream.log(f"camera/model/{part}", rr.LineStrips2D([]), frame=frame)
+
     def log_candidates(self, stream: Stream, candidates: tuple[TableCandidate, ...]) -> None:
         """Log where each image shows the surfaces that could be the table, as localised."""
+        self._found = candidates or self._found
         for snapshot, frame in self._in_turn(stream):
             map_from_base = snapshot.map_from_base.lifted()
             map_from_base[2, 3] = stream.scene.floor_z
@@ -127,6 +139,7 @@ class Projection:
         """Log the model's lines in each camera's image, as if nothing hid them."""
         self.log_candidates(stream, ())
         self._log_lines(stream, model)
+        self._has_model = True
 
     def take_other(self, stream: Stream, one: OfTable) -> None:
         """Take which view shows most of the edge of a table beside the chosen one."""

@@ -107,6 +107,7 @@ class Reviewer(Closing):
             room = log_model(stream, model, lines=naming.lines(stream))
             if stream.config.level != "off":
                 telling.end(stream)
+                perception.log_names(stream)
             naming.log_beside(stream, room)
             projection.log_model(stream, model)
 
@@ -122,7 +123,10 @@ class Reviewer(Closing):
         def draw_failure(stream: Stream, failed: RunFailed) -> None:
             perception.log_as_far_as_it_came(stream)
             alignment.log_as_far_as_it_came(stream)
-            progress.log_failure(stream, failed)
+            progress.log_failure(stream, failed, found=perception.told())
+            if stream.config.level != "off":
+                projection.log_failure(stream)
+                perception.log_names(stream)
 
         self.places: dict[type, Draw] = {
             Recording: sensors.log_recording,

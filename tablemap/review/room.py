@@ -14,8 +14,11 @@ from numpy.typing import NDArray
 from tablemap.geometry import Floats
 from tablemap.review.clouds import raised
 
-SIZE = (640, 540)
+Size = tuple[int, int]
+SIZE: Size = (640, 540)
 """Pixels of a view in a small window; in a larger one its labels need a smaller share of it."""
+LOW: Size = (520, 300)
+"""The same of a view that has half of the window's height."""
 FIELD_OF_VIEW = math.radians(55.0)  # of the viewer, from above to below
 NEAREST = 0.1  # metres before the eye
 BORDER = 220  # pixels round the picture that count as taken: as wide as a long label
@@ -33,8 +36,8 @@ class Eye:
     position: tuple[float, float, float]
     target: tuple[float, float, float]
 
-    def pixels(self, points: Floats) -> tuple[Floats, Floats]:
-        """Return where points (..., 3) lie in a picture of `SIZE`, and how far ahead they are."""
+    def pixels(self, points: Floats, size: Size = SIZE) -> tuple[Floats, Floats]:
+        """Return where points (..., 3) lie in a picture, and how far ahead they are, metres."""
         ahead = np.subtract(self.target, self.position)
         ahead /= max(float(np.linalg.norm(ahead)), 1e-9)
         right = np.cross(ahead, [0.0, 0.0, 1.0])
@@ -43,18 +46,20 @@ class Eye:
             [right, -np.cross(right, ahead), ahead]
         )
         depth = np.maximum(seen[..., 2], NEAREST)
-        return np.array(SIZE) / 2 + FOCAL * seen[..., :2] / depth[..., None], depth
+        return np.array(size) / 2 + _focal(size) * seen[..., :2] / depth[..., None], depth
 
 
-FOCAL = SIZE[1] / 2 / math.tan(FIELD_OF_VIEW / 2)
+def _focal(size: Size) -> float:
+    return size[1] / 2 / math.tan(FIELD_OF_VIEW / 2)
 
 
 class Room:
     """The picture of a view as its eye begins; what is drawn takes its room, labels look for it."""
 
-    def __init__(self, eye: Eye) -> None:
-        self._eye = eye
-        wide, high = SIZE
+    def __init__(self, eye: Eye, size: Size = SIZE) -> None:
+        self.eye = eye
+        self._size = size
+        wide, high = size
         self._taken = PIL.Image.new("L", (wide + 2 * BORDER, high + 2 * BORDER), 1)
         self._draw = PIL.ImageDraw.Draw(self._taken)
         self._draw.rectangle((BORDER, BORDER, BORDER + wide, BORDER + high), fill=0)
@@ -62,7 +67,7 @@ class Room:
 
     def copy(self) -> Room:
         """Return another room with the same things in it."""
-        other = Room(self._eye)
+        other = Room(self.eye, self._size)
         other._taken.paste(self._taken)
         return other
 
@@ -86,16 +91,16 @@ class Room:
         ``away`` (2,) is the direction in the map that is tried first. Where there is no clear
         place it is the one that hides least. With ``keeps`` the label takes its room.
         """
-        (pixel,), (depth,) = self._eye.pixels(anchor[None])
-        is_in = ((pixel >= 0) & (pixel < SIZE)).all()
+        (pixel,), (depth,) = self.eye.pixels(anchor[None], self._size)
+        is_in = ((pixel >= 0) & (pixel < self._size)).all()
         if not is_in:
             return anchor
         turns = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
         steps = np.arange(0, FARTHEST, STEP)
         first = math.atan2(away[1], away[0])
         level = np.column_stack([np.cos(first + turns), np.sin(first + turns), 0 * turns])
-        places = anchor + steps[:, None, None] * (float(depth) / FOCAL) * level
-        seen = self._eye.pixels(places)[0]
+        places = anchor + steps[:, None, None] * (float(depth) / _focal(self._size)) * level
+        seen = self.eye.pixels(places, self._size)[0]
         half = np.array([LETTER * len(text) + ENDS, HIGH]) / 2
         middle = seen + np.array([0.0, LABEL_DROP])
         hidden = self._count(middle - half, middle + half)
@@ -109,7 +114,7 @@ class Room:
         return np.asarray(places[best])
 
     def _on_picture(self, points: Floats) -> Floats:
-        return self._eye.pixels(points)[0] + BORDER
+        return self.eye.pixels(points, self._size)[0] + BORDER
 
     def _count(self, low: Floats, high: Floats) -> NDArray[np.int64]:
         """Return how many pixels are taken between corners (..., 2)."""

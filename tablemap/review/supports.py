@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from tablemap import palette
 from tablemap.geometry import Floats, Pose2
 from tablemap.model.shapes import shape_named
 from tablemap.review import colours, text
 from tablemap.review.clouds import raised
-from tablemap.review.stream import Stream
+from tablemap.review.eyes import legs_eye
+from tablemap.review.room import Room
+from tablemap.review.stream import DrawnScene, Stream
 from tablemap.stages.legs import Leg, Legs, RejectedCluster
 
 MOST_LETTERS = 12
 LEG_WITHOUT_SIZE = 0.04  # metres
+MARK = 0.05  # metres that a leg's points are spread
+SQUARE = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
 
 
 def log_legs(stream: Stream, legs: Legs) -> None:
@@ -37,8 +42,29 @@ def log_legs(stream: Stream, legs: Legs) -> None:
         _log_leg(stream, index, leg, height)
     if legs.legs:
         places = raised(np.array([(leg.x, leg.y) for leg in legs.legs]), height)
-        stream.names("legs/names", places, [_named(k, leg) for k, leg in enumerate(legs.legs, 1)])
+        names = [_named(k, leg) for k, leg in enumerate(legs.legs, start=1)]
+        stream.names("legs/names", _beside(stream.scene, legs.legs, places, names), names)
     _log_rejected(stream, legs.rejected, height)
+
+
+def _beside(
+    scene: DrawnScene,
+    legs: Sequence[Leg],
+    places: NDArray[np.floating],
+    names: Sequence[str],
+) -> Floats:
+    """Return where the names (n, 3) are clear of the legs and their points, away from the table."""
+    room = Room(legs_eye(scene))
+    for leg, place in zip(legs, places, strict=True):
+        room.take_solid(leg_outline(leg), scene.floor_z, scene.height)
+        room.take_solid(place[:2] + MARK * SQUARE, float(place[2]), float(place[2]))
+    centre = np.array(scene.centre or places[:, :2].mean(axis=0))
+    return np.array(
+        [
+            room.place(name, place.astype(np.float64), away=place[:2] - centre)
+            for name, place in zip(names, places, strict=True)
+        ]
+    )
 
 
 def _log_leg(stream: Stream, index: int, leg: Leg, height: float) -> None:

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import rerun.blueprint as rrb
 
-from tablemap.review.eyes import Overrides, of_pairs, of_table, round_table, seen_from, table_eye
+from tablemap.review.eyes import (
+    Overrides,
+    edges_eye,
+    legs_eye,
+    of_pairs,
+    seen_from,
+    stops_eye,
+    table_eye,
+    views_eye,
+)
 from tablemap.review.legend import with_legend
 from tablemap.review.panes import PLOT, Contents, beside, flat, image, image_of_table, plot, text
 from tablemap.review.stream import DrawnScene
@@ -46,7 +55,7 @@ def views(scene: DrawnScene) -> rrb.Container:
         1.5,
         rrb.Vertical(
             with_legend(
-                round_table(scene, "Segmented view", shown, steepness=0.8), "views", height=380
+                seen_from(views_eye(scene), scene, "Segmented view", shown), "views", height=380
             ),
             text("/segmentation/summary", "Tables and views"),
             row_shares=[1.6, 1.0],
@@ -65,8 +74,8 @@ def odometry(scene: DrawnScene) -> rrb.Container:
         "Odometry",
         1.5,
         with_legend(
-            round_table(
-                scene, "Scan on KISS-ICP's map: timeline 'sensor_time'", shown, steepness=4.0
+            seen_from(
+                stops_eye(scene), scene, "Scan on KISS-ICP's map: timeline 'sensor_time'", shown
             ),
             "odometry",
             height=620,
@@ -99,13 +108,13 @@ def registration(scene: DrawnScene) -> rrb.Container:
     ]
     return rrb.Vertical(
         rrb.Horizontal(
-            round_table(scene, "As localised", before, steepness=4.0),
+            seen_from(stops_eye(scene), scene, "As localised", before),
             with_legend(
-                round_table(
+                seen_from(
+                    stops_eye(scene),
                     scene,
                     "As registered: pairs of the stop, and the worst",
                     after,
-                    steepness=4.0,
                     overrides=all_pairs,
                 ),
                 "registration",
@@ -123,7 +132,7 @@ def registration(scene: DrawnScene) -> rrb.Container:
                 rrb.GraphView(origin="/registration/graph", name="Pose graph"),
                 plot("/registration/correction_mm", "Correction (mm)"),
                 with_legend(
-                    round_table(scene, "Trajectories", paths, steepness=4.0),
+                    seen_from(stops_eye(scene), scene, "Trajectories", paths),
                     "ways",
                     height=240,
                     in_tabs=True,
@@ -142,11 +151,11 @@ def pairs(scene: DrawnScene) -> rrb.Container:
         2.0,
         rrb.Tabs(
             with_legend(
-                round_table(
+                seen_from(
+                    stops_eye(scene),
                     scene,
                     "Worst pair of the stop",
                     ["/registration/pair_at_stop/**"],
-                    steepness=4.0,
                 ),
                 "pair",
                 height=620,
@@ -182,13 +191,13 @@ def surface(scene: DrawnScene) -> rrb.Container:
         1.3,
         rrb.Tabs(
             with_legend(
-                of_table(scene, "Edges by kind", edges, steepness=5.0),
+                seen_from(edges_eye(scene), scene, "Edges by kind", edges),
                 "edges",
                 height=600,
                 in_tabs=True,
             ),
             with_legend(
-                of_table(scene, "Residuals and candidates", fit, steepness=5.0),
+                seen_from(edges_eye(scene), scene, "Residuals and candidates", fit),
                 "residuals",
                 height=620,
                 in_tabs=True,
@@ -227,7 +236,7 @@ def legs(scene: DrawnScene) -> rrb.Container:
         "Legs",
         1.4,
         with_legend(
-            of_table(scene, "Legs from the laser's height", shown, steepness=1.2),
+            seen_from(legs_eye(scene), scene, "Legs from the laser's height", shown),
             "legs",
             height=600,
         ),

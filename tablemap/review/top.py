@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import rerun as rr
@@ -13,7 +13,9 @@ from tablemap.geometry import Floats, Pose2
 from tablemap.review import colours, text
 from tablemap.review.budget import bars
 from tablemap.review.clouds import closed, raised, thinned
-from tablemap.review.stream import Stream
+from tablemap.review.eyes import edges_eye
+from tablemap.review.room import Room
+from tablemap.review.stream import DrawnScene, Stream
 from tablemap.stages.outline import Outline, ViewEdges
 from tablemap.stages.surface import FittedFigure, Surface, SurfaceEdge
 
@@ -29,6 +31,7 @@ TOUCHES = "touches the table"
 TOP_CELLS = 3
 ALL_SEEN = 0.995
 MOST_CORNERS = 12
+EDGE_PX = 14  # of a side with its points
 
 
 class TopDrawing:
@@ -140,13 +143,9 @@ class TopDrawing:
                     show_labels=False,
                 ),
             )
-            middles = [edge.points.mean(axis=0) for edge in surface.edges]
-            stream.names(
-                "surface/chosen/names",
-                raised(np.array(middles), height + 2 * LIFT),
-                labels,
-                shown=len(labels) <= MOST_CORNERS,
-            )
+            shown = len(labels) <= MOST_CORNERS
+            places = _beside(scene, surface, labels, height + 2 * LIFT)
+            stream.names("surface/chosen/names", places, labels, shown=shown)
         if len(surface.points):
             stream.log(
                 "surface/residuals",
@@ -158,6 +157,22 @@ class TopDrawing:
             )
             _log_unrolled(stream, surface)
             _log_histogram(stream, surface.residuals)
+
+
+def _beside(
+    scene: DrawnScene, surface: Surface, labels: Sequence[str], height: float
+) -> list[Floats]:
+    """Return where the sides' names are clear of the sides and of the edge points, outside."""
+    room = Room(edges_eye(scene))
+    room.take_solid(surface.outline, height, height)
+    for edge in surface.edges:
+        room.take_line(raised(edge.points, height), width=EDGE_PX)
+    middles = raised(np.array([edge.points.mean(axis=0) for edge in surface.edges]), height)
+    centre = np.array(scene.centre or (0.0, 0.0))
+    return [
+        room.place(label, middle.astype(np.float64), away=middle[:2] - centre)
+        for label, middle in zip(labels, middles, strict=True)
+    ]
 
 
 def _label(number: int, edge: SurfaceEdge) -> str:

@@ -13,7 +13,8 @@ from rerun.chunk import RrdReader
 
 from tablemap.config import ReviewConfig
 from tablemap.errors import TablemapError
-from tablemap.events import RunFailed
+from tablemap.events import RunFailed, StageStarted
+from tablemap.model import TableModel
 from tablemap.pipeline import STAGES
 from tablemap.recording.messages import CompressedImage, Image
 from tablemap.review import Reviewer
@@ -25,6 +26,7 @@ from tablemap.stages.registration import Registration
 from tablemap.stages.segmentation import Segmentation, TableRefused
 from tablemap.stages.surface import Surface
 from tests.making import made_up_run as made_up
+from tests.making import reviews
 from tests.making.reviews import columns, write
 
 STOPS = 8
@@ -294,6 +296,21 @@ def test_a_refused_surface_shows_its_labels_and_reasons(run: list[object], tmp_p
     path = write(tmp_path / "unlabelled.rrd", before)
     assert len(columns(path, "/segmentation/points", "Points3D:positions")) == STOPS
     assert "/segmentation/labels" not in rows(path)
+
+
+def test_a_refused_model_is_taken_away(run: list[object], tmp_path: Path) -> None:
+    """Instead the surfaces are listed, numbered, and drawn into the images again."""
+    until = next(i for i, one in enumerate(run) if isinstance(one, TableModel)) + 1
+    again = [StageStarted("segmentation", 9), RunFailed("segmentation", "it may be anything")]
+    path = write(tmp_path / "anything.rrd", [*run[:until], *again])
+    assert len(columns(path, "/model", "Clear:is_recursive")) == 1
+    summary = str(texts(path, "/summary")[-1])
+    assert "it may be anything" in summary
+    assert "seen by one view" in summary
+    assert "1: 0.50 m" in str(columns(path, "/camera/candidates", "LineStrips2D:labels")[-STOPS:])
+    assert not any(columns(path, "/camera/model/outline", "LineStrips2D:strips")[-STOPS:])
+    html = reviews.page([*run[:until], *again], status="failed", error="it may be anything")
+    assert "No model" in html
 
 
 def test_a_pair_moves_from_its_start_to_its_end(review: Path) -> None:

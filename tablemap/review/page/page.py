@@ -15,6 +15,7 @@ from tablemap.model.summary import summary_rows
 from tablemap.review.page.picture import BestView
 from tablemap.review.page.plan import plan
 from tablemap.review.page.plots import histogram, unrolled, variance_bars
+from tablemap.review.progress import CHOICE
 from tablemap.stages.surface import Surface
 from tablemap.words import escape
 
@@ -62,6 +63,8 @@ class Page:
             self._others.append(result)
         elif isinstance(result, RunFailed):
             self._failure = result
+            if result.stage == CHOICE:
+                self._model = None  # it was refused
 
     def html(self, manifest: Manifest, *, status: str, error: str | None) -> str:
         """Return the page of a run that ended with ``status``."""
