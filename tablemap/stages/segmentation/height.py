@@ -57,12 +57,12 @@ class Height:
     scatter: float
 
 
-def region(view: SampledView, candidate: TableCandidate, reach: float) -> Bools:
-    """Return a mask (h, w) of pixels within reach of the candidate, by the localised pose."""
+def region(view: SampledView, candidate: TableCandidate, reach: float, among: Bools) -> Bools:
+    """Return which of the pixels ``among`` lie within reach of the candidate, by localisation."""
     base_from_map = view.snapshot.map_from_base.inverse()
     hull = np.asarray(base_from_map.apply(candidate.hull))
     area = shapely.MultiPoint(hull).convex_hull.buffer(reach, quad_segs=2)
-    return inside(area, view.points, np.isfinite(view.points[..., 2]))
+    return inside(area, view.points, among)
 
 
 def joint_height(
@@ -80,15 +80,14 @@ def joint_height(
     clear = SEARCH_M if candidate.rise is None else min(0.5 * candidate.rise, SEARCH_M)
     for view in views:
         z = view.points[..., 2]
-        places.append(region(view, candidate, 0.0))
         with np.errstate(invalid="ignore"):
-            near = (
-                region(view, candidate, config.reach)
-                & (np.abs(z - np.float32(candidate.height)) < SEARCH_M)
+            level = (
+                (np.abs(z - np.float32(candidate.height)) < SEARCH_M)
                 & (z < np.float32(candidate.height + clear))
                 & (view.upward > LEAST_UPWARD)
             )
-        samples.append(near)
+        samples.append(region(view, candidate, config.reach, level))
+        places.append(region(view, candidate, 0.0, level))
     mode = _joint_mode(views, samples, candidate.height)
     if mode is None:
         return None
@@ -166,10 +165,11 @@ def _view_height(
     if count == 0:
         return None
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
-    area = np.nan_to_num(view.area)
-    covered = 0.0 + np.bincount(labels[place], weights=area[place], minlength=count + 1)
-    covered += 0.1 * np.bincount(labels.ravel(), weights=area.ravel(), minlength=count + 1)
-    covered[0] = 0.0
+    surface = labels > 0
+    numbers, area = labels[surface], view.area_of(surface)
+    at_place = area * place[surface]
+    covered = 0.0 + np.bincount(numbers, weights=at_place, minlength=count + 1)
+    covered += 0.1 * np.bincount(numbers, weights=area, minlength=count + 1)
     covered[sizes < LEAST_PIXELS] = 0.0
     best = int(np.argmax(covered))
     if covered[best] <= 0.0:

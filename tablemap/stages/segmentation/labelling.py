@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from tablemap.config import SegmentationConfig
-from tablemap.geometry import Bools, Ints
+from tablemap.geometry import Bools, Floats, Ints
 from tablemap.masks import crowded, grown, shrunk
 from tablemap.stages.segmentation.height import Plane, region
 from tablemap.stages.segmentation.result import Label, TableCandidate, ViewSegmentation
@@ -91,11 +91,13 @@ def _surfaces(view: SampledView, in_band: Bools) -> NDArray[np.int32]:
     labels, count = ndimage.label(grown(shrunk(filled, _OPENING_PX), _OPENING_PX) & in_band)
     if count == 0:
         return np.zeros(in_band.shape, dtype=np.int32)
-    known = np.isfinite(view.upward)
-    level = known & (np.nan_to_num(view.upward) > LEAST_UPWARD)
-    sizes = np.bincount(labels.ravel(), minlength=count + 1)
-    levels = np.bincount(labels[level], minlength=count + 1)
-    knowns = np.bincount(labels[known], minlength=count + 1)
+    inner = labels > 0
+    numbers, upward = labels[inner], view.upward[inner]
+    with np.errstate(invalid="ignore"):
+        level = upward > LEAST_UPWARD
+    sizes = np.bincount(numbers, minlength=count + 1)
+    levels = np.bincount(numbers[level], minlength=count + 1)
+    knowns = np.bincount(numbers[np.isfinite(upward)], minlength=count + 1)
     keep = (sizes >= 60) & (levels >= _LEVEL_SHARE * np.maximum(knowns, 1))
     keep[0] = False
     kept: NDArray[np.int32] = np.where(keep[labels], labels, 0).astype(np.int32)
@@ -119,13 +121,16 @@ def _top(
     count = int(surfaces.max()) if surfaces.size else 0
     if count == 0:
         return none
-    place = region(view, candidate, 0.05)
-    around = region(view, candidate, config.reach)
-    weight = np.nan_to_num(view.area)
-    inside = np.bincount(surfaces[place], weights=weight[place], minlength=count + 1)
-    near = np.bincount(surfaces[around], weights=weight[around], minlength=count + 1)
-    whole = np.bincount(surfaces.ravel(), weights=weight.ravel(), minlength=count + 1)
-    inside[0] = near[0] = 0.0
+    known = surfaces > 0
+    numbers, area = surfaces[known], view.area_of(known)
+
+    def within(reach: float) -> Floats:
+        """Return the square metres (count + 1,) of each surface within reach of the table."""
+        part = area * region(view, candidate, reach, known)[known]
+        return np.asarray(np.bincount(numbers, weights=part, minlength=count + 1), np.float64)
+
+    inside, near = within(0.05), within(config.reach)
+    whole = np.bincount(numbers, weights=area, minlength=count + 1)
     # Nearly all of the table's own surface lies within reach of its place; a neighbour's does not.
     score = (inside + 0.5 * near) * near / np.maximum(whole, 1e-9)
     if score.max() <= 0.0:
@@ -135,9 +140,8 @@ def _top(
         top: Bools = surfaces == int(np.argmax(score))
         return top
     thin = surfaces[::GAP_STEP_PX, ::GAP_STEP_PX]
-    bridges, _ = ndimage.label(
-        grown((surfaces > 0) | (over & around), _OPENING_PX)[::GAP_STEP_PX, ::GAP_STEP_PX]
-    )
+    thing = region(view, candidate, config.reach, over)
+    bridges, _ = ndimage.label(grown(known | thing, _OPENING_PX)[::GAP_STEP_PX, ::GAP_STEP_PX])
     # One pixel below the plane is noise; four in a square are a gap.
     through = shrunk(below[::GAP_STEP_PX, ::GAP_STEP_PX], 2)
     seeds = np.argsort(-score)[:MOST_SEEDS]
@@ -198,7 +202,9 @@ def _standing(
     if hull.geom_type != "Polygon":
         return np.zeros_like(top)
     within_hull = inside(hull.buffer(RIM_M, quad_segs=2), view.points, over)
-    depth = view.snapshot.depth[:: view.stride, :: view.stride]
+    if not within_hull.any():
+        return np.zeros_like(top)
+    depth = view.depth
     gap = np.float32(0.02) + np.float32(0.02) * depth
     with np.errstate(invalid="ignore"):
         cut = np.zeros_like(top)
@@ -207,12 +213,11 @@ def _standing(
     labels, count = ndimage.label(over & ~cut)
     if count == 0:
         return np.zeros_like(top)
-    index = labels.ravel()
-    sizes = np.bincount(index, minlength=count + 1)
-    within = np.bincount(index, weights=within_hull.ravel(), minlength=count + 1)
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)
+    within = np.bincount(labels[within_hull], minlength=count + 1)
     with np.errstate(invalid="ignore"):
         low = (above_plane < STANDING_M) & grown(top, 9)
-    touching = np.bincount(index, weights=low.ravel(), minlength=count + 1)
+    touching = np.bincount(labels[low], minlength=count + 1)
     stands = (within >= 0.5 * sizes) & (touching > 0)
     stands[0] = False
     on_top = stands[labels] & within_hull

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import PIL.Image
@@ -34,7 +35,7 @@ class SampledView:
     - ``points``: (h, w, 3) float32, metres in the base, NaN where missing
     - ``sigma``: (h, w) metres, of the points' heights
     - ``upward``: (h, w), absolute vertical component of the normal
-    - ``area``: (h, w) square metres that a pixel covers on a horizontal surface
+    - ``steep``: (h, w), the fall of the pixels' rays for one metre along the optical axis
     - ``is_coarse``: whether its depth comes in coarse steps
     """
 
@@ -43,8 +44,24 @@ class SampledView:
     points: NDArray[np.float32]
     sigma: NDArray[np.float32]
     upward: NDArray[np.float32]
-    area: NDArray[np.float32]
+    steep: NDArray[np.float32]
     is_coarse: bool = False
+
+    @property
+    def depth(self) -> NDArray[np.float32]:
+        """The (h, w) depth, metres, NaN where missing."""
+        return self.snapshot.depth[:: self.stride, :: self.stride]
+
+    @cached_property
+    def area(self) -> NDArray[np.float32]:
+        """The (h, w) square metres that each pixel covers on a horizontal surface."""
+        return self.area_of(np.ones(self.steep.shape, dtype=bool)).reshape(self.steep.shape)
+
+    def area_of(self, pixels: Bools) -> NDArray[np.float32]:
+        """Return the (n,) square metres of some pixels, given as a mask (h, w)."""
+        camera = self.snapshot.camera
+        facing = self.stride**2 * self.depth[pixels] ** 2 / (camera.fx * camera.fy)
+        return (facing / np.maximum(self.steep[pixels], 0.1)).astype(np.float32)
 
 
 def look(snapshot: Snapshot, *, stride: int, coarser: SampledView | None = None) -> SampledView:
@@ -56,7 +73,10 @@ def look(snapshot: Snapshot, *, stride: int, coarser: SampledView | None = None)
     turned = snapshot.camera.rays[::stride, ::stride] @ (
         snapshot.base_from_camera[:3, :3].T.astype(np.float32)
     )
-    points = turned * depth[..., None] + snapshot.base_from_camera[:3, 3].astype(np.float32)
+    # Each coordinate is an image of its own: arithmetic on these is several times as fast.
+    planes = np.moveaxis(turned, 2, 0) * depth
+    planes += snapshot.base_from_camera[:3, 3].astype(np.float32)[:, None, None]
+    points = np.moveaxis(planes, 0, 2)
     steep = np.abs(turned[..., 2])
     noise = snapshot.noise.sigma(depth)
     if coarser is None:
@@ -70,15 +90,14 @@ def look(snapshot: Snapshot, *, stride: int, coarser: SampledView | None = None)
         times = coarser.stride // stride
         upward = np.repeat(np.repeat(coarser.upward, times, axis=0), times, axis=1)
         upward = upward[: depth.shape[0], : depth.shape[1]]
-    pixel = stride**2 * depth**2 / (snapshot.camera.fx * snapshot.camera.fy)
     return SampledView(
         snapshot=snapshot,
         stride=stride,
         points=points,
         sigma=noise * steep,
         upward=upward,
+        steep=steep,
         is_coarse=coarse,
-        area=(pixel / np.maximum(steep, 0.1)).astype(np.float32),
     )
 
 
@@ -96,17 +115,18 @@ def inside(area: shapely.Geometry, points: NDArray[np.float32], among: Bools) ->
     if area.geom_type != "Polygon" or area.is_empty:
         return result
     left, bottom, right, top = area.bounds
-    x, y = points[..., 0], points[..., 1]
-    with np.errstate(invalid="ignore"):
-        boxed = among & (x > left) & (x < right) & (y > bottom) & (y < top)
+    index = np.flatnonzero(among)
+    x, y = points[..., 0].ravel()[index], points[..., 1].ravel()[index]
+    boxed = (x > left) & (x < right) & (y > bottom) & (y < top)
+    index, x, y = index[boxed], x[boxed], y[boxed]
     cells = (int((right - left) / CELL_M) + 2, int((top - bottom) / CELL_M) + 2)
     raster = PIL.Image.new("1", cells)
     ring = (np.array(area.exterior.coords) - (left, bottom)) / CELL_M
     PIL.ImageDraw.Draw(raster).polygon([(float(u), float(v)) for u, v in ring], fill=1)
     grid = np.array(raster, dtype=bool)
-    u = ((x[boxed] - np.float32(left)) / np.float32(CELL_M)).astype(np.int32)
-    v = ((y[boxed] - np.float32(bottom)) / np.float32(CELL_M)).astype(np.int32)
-    result[boxed] = grid[np.clip(v, 0, cells[1] - 1), np.clip(u, 0, cells[0] - 1)]
+    column = ((x - np.float32(left)) / np.float32(CELL_M)).astype(np.int32)
+    row = ((y - np.float32(bottom)) / np.float32(CELL_M)).astype(np.int32)
+    result.flat[index] = grid[np.clip(row, 0, cells[1] - 1), np.clip(column, 0, cells[0] - 1)]
     return result
 
 
