@@ -27,7 +27,7 @@ from tablemap.recording.mcap.rebuilding import read_through
 from tablemap.recording.mcap.records import RECORD_HEADER, DamageError, Messages, stream_of
 from tablemap.recording.mcap.salvage import Sieve, records_of
 from tablemap.recording.mcap.summary import read_summary
-from tablemap.recording.raw import Channel, RawMessage
+from tablemap.recording.raw import LATEST_NS, Channel, RawMessage
 
 MAX_HELD_BYTES = 256 * MIB
 """Bytes of overlapping chunks held for sorting; beyond it messages come in the file's order."""
@@ -99,11 +99,10 @@ class Container:
         last = 2**64 if end_ns is None else end_ns
         heap: list[tuple[int, int, int, _Cursor]] = []
         held, last_time = 0, time.monotonic()
-        for span in self.spans_of(wanted):
-            if span.end_ns < first or span.start_ns > last:
-                continue
-            if times is not None and not _any_within(times, span):
-                continue
+        spans = [
+            span for span in self.spans_of(wanted) if span.end_ns >= first and span.start_ns <= last
+        ]
+        for span in spans if times is None else _with_any(spans, times):
             while heap and (heap[0][0] < span.start_ns or held + span.unpacked > MAX_HELD_BYTES):
                 message, freed = _pop(heap)
                 held -= freed
@@ -234,6 +233,10 @@ def _pop(heap: list[tuple[int, int, int, _Cursor]]) -> tuple[RawMessage, int]:
     return message, len(cursor.messages.data)
 
 
-def _any_within(times_ns: Ints, span: Span) -> bool:
-    first = np.searchsorted(times_ns, span.start_ns, side="left")
-    return bool(first < np.searchsorted(times_ns, span.end_ns, side="right"))
+def _with_any(spans: list[Span], times_ns: Ints) -> list[Span]:
+    """Return the spans that some of the times (n,), ascending, lie in."""
+    starts = np.array([min(span.start_ns, LATEST_NS) for span in spans], dtype=np.int64)
+    ends = np.array([min(span.end_ns, LATEST_NS) for span in spans], dtype=np.int64)
+    begun = np.searchsorted(times_ns, starts, side="left")
+    holds = begun < np.searchsorted(times_ns, ends, side="right")
+    return [span for span, any_time in zip(spans, holds.tolist(), strict=True) if any_time]
