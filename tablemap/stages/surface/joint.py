@@ -78,12 +78,10 @@ class Spread:
 
     covariance: (k, k), of the shape's parameters
     scale_sigma: of the depth scale, a share
-    by_scale: (k,), change of the parameters by the depth scale, with all others refitted
     """
 
     covariance: Floats
     scale_sigma: float
-    by_scale: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,9 +185,7 @@ def spread_of(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> Sprea
     unit = np.zeros(len(hessian))
     unit[scale] = 1.0
     with_scale = np.linalg.solve(hessian, unit)
-    variance = max(float(with_scale[scale]), 1e-18)
-    by_scale = np.asarray(with_scale[:size] / variance, dtype=np.float64)
-    return Spread(covariance, float(np.sqrt(variance)), by_scale)
+    return Spread(covariance, float(np.sqrt(max(float(with_scale[scale]), 1e-18))))
 
 
 def information_of(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> Floats:
