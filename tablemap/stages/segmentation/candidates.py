@@ -166,6 +166,8 @@ def _weigh(group: Group, config: SegmentationConfig) -> TableCandidate:
 
 
 _CLOSED = 0.25  # a smaller open share of the space under a surface is a front
+_OPEN = 0.5  # a larger one is a table's: chairs and legs hide some of it
+_FRONTED = 0.02  # share of tables among surfaces with a front down to the floor
 
 
 def _common_cells(group: Group) -> Floats:
@@ -192,7 +194,7 @@ def _likeness(
         likeness *= 0.6
         reasons.append("the space under it was not seen")
     else:
-        likeness *= 0.1 + 0.9 * min(1.0, openness / 0.5)
+        likeness *= max(_FRONTED, min(1.0, openness / _OPEN) ** 2)
         if openness < _CLOSED:
             reasons.append(f"a front closes the space under it (open share {openness:.2f})")
     if walled > 0.35:

@@ -155,6 +155,19 @@ def test_a_couch_loses_against_the_table() -> None:
     assert best.height == pytest.approx(0.45, abs=0.015)
 
 
+def test_a_large_counter_loses_against_a_table_of_which_little_was_seen() -> None:
+    """A front that closes the space under a surface weighs more than its size and its views."""
+    counter = Box(1.0, 2.2, 2.4, 0.7, 0.0, 0.9)
+    small = table(1.0, 0.6, 0.4, 0.4, 0.7, 0.2)
+    snapshots = round_trip([*small, counter], (1.0, 1.9), views=5, radius=2.2, step=0.02)
+    far = [snapshot for snapshot in snapshots if snapshot.map_from_base.y < 1.9]
+    best, second = find_tables(tuple(far), config=CONFIG)[:2]
+    assert best.height == pytest.approx(0.7, abs=0.015)
+    assert second.height == pytest.approx(0.9, abs=0.015)
+    assert second.area > 4 * best.area
+    assert "a front closes" in (second.reason or "")
+
+
 def test_a_seat_15_mm_above_the_top_is_not_the_top() -> None:
     """The joint height tells a stool beside the table apart."""
     stool = Box(1.0, -0.35, 0.4, 0.4, 0.70, 0.755, 0.3)
@@ -239,6 +252,16 @@ def test_segmentation_repeats_bit_for_bit() -> None:
     assert first.height == second.height
     for a, b in zip(first.views, second.views, strict=True):
         np.testing.assert_array_equal(a.labels, b.labels)
+
+
+def test_a_corner_of_a_table_is_chosen_over_the_counter_behind_it(real_recordings: Path) -> None:
+    """The counter fills the images; the table is seen in one of three views, at its lower rim."""
+    recording = open_recording(real_recordings / "redkitchen_corner.mcap")
+    taken = take_snapshots(recording, config=SnapshotsConfig(), sensors=SENSORS)
+    calibration = calibrate(taken.snapshots, config=CalibrationConfig(), sensors=SENSORS)
+    result = segment(calibration.snapshots, config=CONFIG, sensors=SENSORS)
+    assert result.height == pytest.approx(0.711, abs=0.01)
+    assert "segmentation.table_tie" in {warning.code for warning in result.warnings}
 
 
 def test_living_room_chooses_the_side_table(real_recordings: Path) -> None:
