@@ -101,16 +101,18 @@ def _partly_seen(
     found = []
     unseen = [k for k, edge in enumerate(edges) if edge.status == UNSEEN]
     if unseen:
+        seen = "were not seen and are" if len(unseen) > 1 else "was not seen and is"
         found.append(
             (
                 "accuracy.unseen_side",
-                _sides_of(edges, unseen) + " was not seen and is only bounded.",
+                f"{_sides_of(edges, unseen)} {seen} only bounded.",
             )
         )
     partly = [k for k, edge in enumerate(edges) if edge.status == INFERRED]
     if partly:
         sigmas = [_end_sigma(chosen, k) for k in partly]
-        message = _sides_of(edges, partly) + " was seen only in part."
+        were = "were" if len(partly) > 1 else "was"
+        message = f"{_sides_of(edges, partly)} {were} seen only in part."
         found.append((_partly_code(sigmas, config), message))
     return found
 

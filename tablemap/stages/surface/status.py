@@ -14,6 +14,7 @@ from tablemap.stages.surface.shapes.straight import Sided
 
 _STEP = 0.01  # metres between samples of a side
 _REACH = 0.015  # metres: a sample with an edge point this near is seen
+_LEAST_LENGTH = 4 * _REACH  # metres: one point alone shows half of it
 _BOTH_ENDS = 2 / 3  # of its length: a side with a smaller spread was seen at one end only
 
 
@@ -24,13 +25,14 @@ def sights(fit: JointFit) -> tuple[Sight, ...]:
     for index, piece in enumerate(fit.shape.pieces()):
         mine = fit.points[shown & (fit.side == index)]
         if not len(mine):
-            result.append(Sight(0.0, 0.0))
+            result.append(Sight(0.0, 0.0, 0.0))
             continue
         samples = _sampled(piece)
         near = cKDTree(mine).query(samples, distance_upper_bound=_REACH)[0] < _REACH
         seen = np.flatnonzero(near)
         spread = (seen[-1] - seen[0] + 1) / len(samples) if len(seen) else 0.0
-        result.append(Sight(float(near.mean()), float(spread)))
+        length = float(np.linalg.norm(np.diff(piece, axis=0), axis=1).sum())
+        result.append(Sight(float(near.mean()), float(spread), float(near.mean()) * length))
     return tuple(result)
 
 
@@ -43,12 +45,15 @@ def _sampled(piece: Floats) -> Floats:
 
 
 def own_statuses(seen: tuple[Sight, ...], config: SurfaceConfig) -> tuple[str, ...]:
-    """Return each side's status by itself: measured, inferred or unseen."""
+    """Return each side's status by itself: measured, inferred or unseen.
+
+    A point or two beside a corner belong to any of its sides: they show none.
+    """
     own = []
     for sight in seen:
         if sight.fraction >= config.measured_fraction and sight.spread >= _BOTH_ENDS:
             own.append(MEASURED)
-        elif sight.fraction >= config.inferred_fraction:
+        elif sight.fraction >= config.inferred_fraction and sight.length >= _LEAST_LENGTH:
             own.append(INFERRED)
         else:
             own.append(UNSEEN)
@@ -64,10 +69,11 @@ def hold_unseen(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> tup
     if not isinstance(shape, Sided):
         return ()
     anchors = []
-    for index, (sight, piece) in enumerate(zip(sights(fit), shape.pieces(), strict=True)):
-        length = float(np.linalg.norm(piece[1] - piece[0]))
-        if sight.fraction >= config.inferred_fraction and sight.fraction * length >= 0.03:
+    statuses = own_statuses(sights(fit), config)
+    for index, (status, piece) in enumerate(zip(statuses, shape.pieces(), strict=True)):
+        if status != UNSEEN:
             continue
+        length = float(np.linalg.norm(piece[1] - piece[0]))
         along = (piece[1] - piece[0]) / max(length, 1e-9)
         outward = np.array([along[1], -along[0]])
         top = _within(evidence.top, piece, along, 0.0)

@@ -13,6 +13,8 @@ from tablemap.geometry import Pose2
 from tablemap.stages.calibration import TopBelief
 from tablemap.stages.surface import Mounting, Surface, fit_surface
 from tablemap.stages.surface.shapes.shape import area, signed_distance
+from tablemap.stages.surface.shapes.sides import Sight
+from tablemap.stages.surface.status import own_statuses
 from tests.making.edges import (
     Bench,
     Table,
@@ -180,6 +182,22 @@ def test_an_unseen_side_is_not_called_measured() -> None:
     assert sigma is None or sigma > 0.01
     assert "accuracy.unseen_side" in {warning.code for warning in surface.warnings}
     assert "unseen" in {edge.status for edge in surface.edges}
+
+
+@pytest.mark.parametrize(
+    ("fraction", "length", "status"),
+    [
+        (0.07, 0.02, "unseen"),
+        (0.20, 0.05, "unseen"),
+        (0.07, 0.08, "inferred"),
+        (0.03, 0.08, "unseen"),
+        (1.0, 0.04, "measured"),
+    ],
+)
+def test_points_beside_a_corner_show_no_side(fraction: float, length: float, status: str) -> None:
+    """A side is inferred from six centimetres on; a short one that was seen whole is measured."""
+    sight = Sight(fraction, fraction, length)
+    assert own_statuses((sight,), SurfaceConfig()) == (status,)
 
 
 def test_ends_that_are_nearly_half_circles_make_no_stadium() -> None:

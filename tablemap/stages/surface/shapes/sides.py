@@ -13,10 +13,12 @@ class Sight:
 
     fraction: the share of its length that edge points show.
     spread: the share of its length from the first seen part to the last.
+    length: metres that edge points show.
     """
 
     fraction: float
     spread: float
+    length: float
 
 
 def worst(*status: str) -> str:
