@@ -37,6 +37,18 @@ def redraw(run: AnyPath) -> Path:
     return folder.path / REVIEW
 
 
+def left_out(run: AnyPath) -> str | None:
+    """Say in one sentence what a review made anew has not, or None if it has all."""
+    folder = load_run(run)
+    if folder.config.review.level != "full":
+        return None
+    return (
+        f"{REVIEW} was made without the scans and depth images between the stops, which "
+        "review.level=full draws and a run does not keep; `tablemap runs reprocess` draws them "
+        f"from the recording: {folder.path}"
+    )
+
+
 def _draw(folder: RunFolder, results: Path, part: Path) -> None:
     from tablemap.review import Reviewer
     from tablemap.review.keeping.results import replayed

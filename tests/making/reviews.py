@@ -33,7 +33,12 @@ def write(path: Path, run: list[object], level: str = "standard") -> Path:
 
 
 def run_until(
-    stage: str, end: Callable[[], None], folder: Path, patch: Callable[[object, str, object], None]
+    stage: str,
+    end: Callable[[], None],
+    folder: Path,
+    patch: Callable[[object, str, object], None],
+    *,
+    review: ReviewConfig | None = None,
 ) -> RunFolder:
     """Run the made-up drive to the end of a stage, where ``end`` is called; return its folder."""
 
@@ -46,9 +51,10 @@ def run_until(
     patch(running, "_method", lambda _: process)
     patch(recording, "open_recording", lambda *_, **__: made_up.MadeUpRecording(stops=4))
     file = folder / "lap.mcap"
+    folder.mkdir(exist_ok=True)
     file.write_bytes(b"made up")
     with suppress(KeyboardInterrupt, ZeroDivisionError):
-        running.run(file, output=folder / "runs", config=Config())
+        running.run(file, output=folder / "runs", config=Config(review=review or ReviewConfig()))
     return load_run(next((folder / "runs" / "lap").glob("2*")))
 
 

@@ -18,7 +18,7 @@ from tablemap.events import RunFailed
 from tablemap.review import Reviewer
 from tablemap.review.keeping.codec import DEPTH_STEP, EVENTS, DepthImage, Encoder, decoded
 from tablemap.review.keeping.results import Keeper, replayed
-from tablemap.runs.redrawing import redraw
+from tablemap.runs.redrawing import left_out, redraw
 from tablemap.runs.running import RESULTS, REVIEW
 from tablemap.stages.segmentation import Label, TableRefused
 from tests.making import made_up_run as made_up
@@ -126,6 +126,35 @@ def test_a_run_without_its_review_gets_it_back(
     (run.path / RESULTS).unlink()
     with pytest.raises(TablemapError, match="keeps no results"):
         redraw(run)
+
+
+def test_at_level_full_it_says_what_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The scans and depth images between the stops; at the other levels nothing is."""
+    from tablemap.cli import main
+
+    standard = run_until("registration", fail, tmp_path / "standard", monkeypatch.setattr)
+    assert left_out(standard) is None
+    full = run_until(
+        "registration",
+        fail,
+        tmp_path / "full",
+        monkeypatch.setattr,
+        review=ReviewConfig(level="full"),
+    )
+    before = rows(full.path / REVIEW)
+    monkeypatch.setattr("sys.argv", ["tablemap", "runs", "redraw", str(full.path)])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code in (0, None)
+    said = capfd.readouterr().err
+    assert said.count("\n") == 1
+    assert "without the scans and depth images between the stops" in said
+    after = rows(full.path / REVIEW)
+    lacking = {one for one in before if after.get(one, 0) < before[one]}
+    assert lacking <= {"/camera", "/camera/depth", "/laser/scan", "/tf/camera", "/tf/laser"}
+    assert lacking >= {"/camera/depth", "/laser/scan"}
 
 
 def test_an_end_on_the_way_keeps_what_there_was(events: list[object], tmp_path: Path) -> None:

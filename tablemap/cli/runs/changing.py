@@ -74,9 +74,11 @@ def reprocess(
 @runs_app.command("redraw")
 def redraw_(run: Run) -> None:
     """Make the run.rrd of a RUN anew from the results that it keeps, without its recording."""
-    from tablemap.runs.redrawing import redraw
+    from tablemap.runs.redrawing import left_out, redraw
 
     say(redraw(run))
+    if lacks := left_out(run):
+        complain(lacks, kind="note")
 
 
 @runs_app.command("prune")
