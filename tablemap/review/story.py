@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tablemap.model import Dimension, Edge, Figure, TableModel
+from tablemap.model import Dimension, Figure, TableModel
 from tablemap.review.markdown import MOST_ROWS, figure, links, metres, table
+from tablemap.review.wording import length
 from tablemap.words import counted
 
 MOST_SIDES = 12
@@ -28,7 +29,7 @@ def model(result: TableModel, *, magnified: tuple[float, float]) -> str:
     ]
     sides = ""
     if not rows and len(surface.edges) <= MOST_SIDES:
-        sides = f"**Sides** {', '.join(f'{_reach(edge):.3f}' for edge in surface.edges)} m"
+        sides = f"**Sides** {', '.join(f'{length(edge.points):.3f}' for edge in surface.edges)} m"
     rows.append(("height", metres(surface.height.value, surface.height.sigma), ""))
     rows.append(_optional("thickness", surface.thickness))
     if surface.corner_radius is not None:
@@ -93,11 +94,6 @@ def model(result: TableModel, *, magnified: tuple[float, float]) -> str:
     if surface.thickness is None:
         lines.append("The thickness was not measured; the top is drawn 30 mm thick.")
     return "\n".join(lines)
-
-
-def _reach(edge: Edge) -> float:
-    """Return a side's length in metres."""
-    return float(np.linalg.norm(np.diff(np.array(edge.points), axis=0), axis=1).sum())
 
 
 def _optional(name: str, one: Figure | None) -> tuple[object, ...]:

@@ -11,6 +11,7 @@ from string import ascii_lowercase
 import numpy as np
 
 from tablemap.geometry import Pose2
+from tablemap.review import wording
 from tablemap.review.markdown import MOST_ROWS, figure, links, metres, table
 from tablemap.stages.calibration import Calibration
 from tablemap.stages.legs import Legs
@@ -27,8 +28,6 @@ LEGEND = (
     "magnified as the summary says."
 )
 SAME_PLACE_M = 0.02
-CLUTTER_MM = 30.0
-"""Edge points this far from the fitted outline are of something else."""
 
 
 def snapshots(result: Snapshots) -> str:
@@ -328,20 +327,15 @@ def surface(result: Surface) -> str:
         (
             k,
             one.status,
-            f"{100 * one.seen_fraction:.0f} %",
-            "none" if one.sigma is None else f"{1000 * one.sigma:.1f} mm",
+            wording.seen(one.seen_fraction),
+            wording.spread(one.sigma),
         )
         for k, one in enumerate(result.edges[:MOST_ROWS])
     ]
-    finite = 1000 * result.residuals[np.isfinite(result.residuals)]
-    near = np.abs(finite[np.abs(finite) < CLUTTER_MM])
-    median, most = np.percentile(near, [50, 95]) if len(near) else (np.nan, np.nan)
     return "\n".join(
         [
             f"## {result.shape.capitalize()}",
-            f"Residuals of {len(near)} edge points: half are within {median:.1f} mm, "
-            f"95 % within {most:.1f} mm. {len(finite) - len(near)} more are {CLUTTER_MM:.0f} mm or "
-            "further away: clutter, not the table's edge.",
+            wording.residuals(result.residuals),
             "",
             links(
                 chosen="surface/chosen",
@@ -364,8 +358,8 @@ def legs(result: Legs) -> str:
         (
             f"{k} {one.shape}",
             f"{one.x:.3f}, {one.y:.3f}",
-            "none" if one.position_sigma is None else f"{1000 * one.position_sigma:.1f} mm",
-            ", ".join(f"{name} {1000 * f.value:.0f} mm" for name, f in one.dimensions.items()),
+            wording.spread(one.position_sigma),
+            wording.sizes(one.dimensions),
             one.status,
             one.views,
         )

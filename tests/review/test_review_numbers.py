@@ -5,17 +5,19 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
 from tablemap.model import TableModel
 from tablemap.model.summary import summary_rows
-from tablemap.review import story, text
+from tablemap.review import story, text, wording
 from tablemap.review.markdown import metres
 from tablemap.stages.legs import Legs
 from tablemap.stages.outline import Outline
 from tablemap.stages.registration import Registration
 from tablemap.stages.segmentation import Segmentation
+from tablemap.stages.surface import Surface
 from tests.making import made_up_run as made_up
 from tests.making.reviews import columns, page, write
 
@@ -104,3 +106,14 @@ def test_legs_have_one_number(run: list[object], review: Path, model: TableModel
     for words in (text.legs(legs), story.model(model, magnified=(1.0, 1.0))):
         rows = re.findall(r"^\| (\d+) (?:circle|rectangle)", words, flags=re.MULTILINE)
         assert [int(one) for one in rows] == numbers
+
+
+def test_residuals_are_told_alike(run: list[object]) -> None:
+    """One sentence on the edge points, the clutter apart, on the page and in the viewer."""
+    surface = the(Surface, run)
+    assert isinstance(surface, Surface)
+    (said,) = re.findall(r"Residuals of [^<]*further away", page(run))
+    assert said in text.surface(surface)
+    far = np.concatenate([surface.residuals, [0.4, -0.5]])
+    assert wording.residuals(far).startswith(said.split(". ")[0])
+    assert "2 more are 30 mm" in wording.residuals(far)

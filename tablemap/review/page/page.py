@@ -12,6 +12,7 @@ from tablemap.archive.manifest import Manifest
 from tablemap.events import OtherTable, RunFailed
 from tablemap.model import TableModel
 from tablemap.model.summary import summary_rows
+from tablemap.review import wording
 from tablemap.review.page.picture import BestView
 from tablemap.review.page.plan import plan
 from tablemap.review.page.plots import histogram, unrolled, variance_bars
@@ -121,10 +122,10 @@ def _model(model: TableModel, name: str, surface: Surface | None, picture: str) 
         [
             (
                 k,
-                f"{_reach(edge.points):.3f} m",
+                f"{wording.length(edge.points):.3f} m",
                 edge.status,
-                f"{100 * edge.seen_fraction:.0f} %",
-                "none" if edge.sigma is None else f"{1000 * edge.sigma:.1f} mm",
+                wording.seen(edge.seen_fraction),
+                wording.spread(edge.sigma),
             )
             for k, edge in enumerate(model.surface.edges)
         ],
@@ -142,10 +143,8 @@ def _model(model: TableModel, name: str, surface: Surface | None, picture: str) 
                 (
                     f"{k} {leg.shape}",
                     f"{leg.x:.3f}, {leg.y:.3f}",
-                    "none" if leg.position_sigma is None else f"{1000 * leg.position_sigma:.1f} mm",
-                    ", ".join(
-                        f"{n} {1000 * one.value:.0f} mm" for n, one in leg.dimensions.items()
-                    ),
+                    wording.spread(leg.position_sigma),
+                    wording.sizes(leg.dimensions),
                     leg.status,
                 )
                 for k, leg in enumerate(model.legs, start=1)
@@ -159,7 +158,7 @@ def _model(model: TableModel, name: str, surface: Surface | None, picture: str) 
                 k,
                 f"{one.map_from_base.x:.3f}, {one.map_from_base.y:.3f}",
                 f"{math.degrees(one.map_from_base.yaw):.1f}°",
-                "none" if one.sigma is None else f"{1000 * one.sigma.xy:.1f} mm",
+                wording.spread(None if one.sigma is None else one.sigma.xy),
                 "yes" if one.used else one.reason or "no",
             )
             for k, one in enumerate(model.snapshots[:MOST_ROWS])
@@ -222,10 +221,6 @@ def _provenance(manifest: Manifest, status: str) -> str:
         ("versions", ", ".join(f"{name} {v}" for name, v in manifest.versions.items())),
     ]
     return "<h2>Where this comes from</h2>" + _table((), rows)
-
-
-def _reach(points: Sequence[tuple[float, float]]) -> float:
-    return float(np.linalg.norm(np.diff(np.array(points), axis=0), axis=1).sum())
 
 
 def _table(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:

@@ -12,6 +12,7 @@ from tablemap.geometry import Floats, Pose2
 from tablemap.model import Figure, TableLeg, TableModel
 from tablemap.model.shapes import shape_named
 from tablemap.review.text import from_one_place, numbered
+from tablemap.review.wording import length
 from tablemap.words import escape
 
 DASHES = {"measured": "none", "inferred": "9 5", "unseen": "2 5"}
@@ -63,8 +64,8 @@ def plan(model: TableModel) -> str:
         sides.append(side)
     if len(sides) <= MOST_LABELLED_SIDES:
         for k, (side, edge) in enumerate(zip(sides, surface.edges, strict=True)):
-            length = "" if surface.dimensions else f"{_reach(side):.3f} m"
-            parts += _beside(k, side, length, STATUS[edge.status][0], pixels)
+            told = "" if surface.dimensions else f"{length(side):.3f} m"
+            parts += _beside(k, side, told, STATUS[edge.status][0], pixels)
     parts += _labels(model, outline, pixels)
     for views in from_one_place(list(stops.values())):
         if views[0] in near:
@@ -125,7 +126,7 @@ def _labels(model: TableModel, outline: Floats, pixels: Pixels) -> list[str]:
     return parts
 
 
-def _beside(number: int, side: Floats, length: str, colour: str, pixels: Pixels) -> list[str]:
+def _beside(number: int, side: Floats, reach: str, colour: str, pixels: Pixels) -> list[str]:
     """Write a side's number inside of the top, and its length outside, along the side."""
     ends = pixels(side)
     along = ends[-1] - ends[0]
@@ -133,21 +134,17 @@ def _beside(number: int, side: Floats, length: str, colour: str, pixels: Pixels)
     inward = np.array([along[1], -along[0]]) / max(float(np.linalg.norm(along)), 1e-9)
     middle = (ends[0] + ends[-1]) / 2 if len(ends) == 2 else ends[len(ends) // 2]
     parts = [_text(middle + LABEL * inward, str(number), NUMBER)]
-    if length:
+    if reach:
         place = middle - LABEL * inward
         turn = math.degrees(math.atan2(along[1], along[0]))
         upright = (turn + 90) % 180 - 90
-        parts.append(_turned(_text(place, length, colour), place, upright))
+        parts.append(_turned(_text(place, reach, colour), place, upright))
     return parts
 
 
 def _turned(text: str, place: Floats, degrees: float) -> str:
     turn = f' transform="rotate({degrees:.1f} {place[0]:.1f} {place[1]:.1f})"'
     return text.replace("<text", f"<text{turn}", 1)
-
-
-def _reach(side: Floats) -> float:
-    return float(np.linalg.norm(np.diff(side, axis=0), axis=1).sum())
 
 
 def _leg(leg: TableLeg, number: int, pose: Pose2, pixels: Pixels, scale: float) -> str:

@@ -9,8 +9,10 @@ import shapely
 
 from tablemap import palette
 from tablemap.geometry import Floats
+from tablemap.review import wording
 from tablemap.review.budget import Budgeted, bars
 from tablemap.stages.surface import Surface
+from tablemap.words import escape
 
 WIDTH, HEIGHT = 760.0, 200.0
 LEFT, RIGHT = 60.0, 40.0
@@ -75,15 +77,13 @@ def histogram(residuals: Floats) -> str:
         f'y="{HEIGHT / 2 + 16:.0f}" text-anchor="middle">{m:+d} mm</text>'
         for m in MARKS_MM
     )
-    half, most = np.percentile(np.abs(finite), [50, 95])
     return (
         _svg(
             "Residuals by size",
             HEIGHT / 2 + 24,
             f'<g fill="{palette.TABLE_EDGE.css}" stroke="none">{bars}</g>{labels}',
         )
-        + f"<p>{len(finite)} edge points: half are within {half:.1f} mm, 95 % within {most:.1f} mm."
-        "</p>"
+        + f"<p>{escape(wording.residuals(residuals))}</p>"
     )
 
 
