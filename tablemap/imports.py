@@ -6,7 +6,6 @@ import sys
 from collections.abc import Callable, Mapping
 from functools import cache
 from importlib import import_module
-from importlib.abc import MetaPathFinder
 from types import ModuleType
 from typing import Any
 
@@ -59,7 +58,7 @@ def hide_pandas() -> None:
         sys.meta_path.insert(0, _HidesPandas())
 
 
-class _HidesPandas(MetaPathFinder):
+class _HidesPandas:
     """Lets ``import pandas`` end as it does where pandas is not installed."""
 
     def find_spec(self, fullname: str, *_: object) -> None:

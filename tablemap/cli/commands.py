@@ -88,4 +88,6 @@ def _showing_tracebacks(command: Callable[..., Any]) -> Callable[..., Any]:
     )
     parameters = [*signature.parameters.values(), debug]
     run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    # Its annotations are evaluated. Typer would evaluate the command's own three times more.
+    run.__annotations__ = {}
     return run
