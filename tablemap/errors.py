@@ -44,7 +44,10 @@ WARNING_CODES: dict[str, str] = {
     "legs.set_aside": "Things stand under or near the top and are no legs of it.",
     "recording.no_pose": "Depth images or a laser were left out, as their pose is unknown.",
     "recording.pose_topic": "TF lacks poses; those on another topic were taken.",
-    "recording.clock": "A sensor's clock is off, as the motion shows; its stamps were moved.",
+    "recording.clock": (
+        "A sensor's clock is off, as the motion shows, and its stamps were moved; or its messages "
+        "come late, and the motion does not show which it is."
+    ),
     "accuracy.clock": "A sensor's clock seems to be off, and no motion shows by how much.",
     "recording.odometry_restart": (
         "The wheel odometry starts again during the drive; its parts were joined."

@@ -27,6 +27,9 @@ _STEP_S = 0.02
 _AROUND_S = 1.0  # of the difference of the lags, and of none
 _FEWEST_CHANGES = 20
 _LEAST_CORRELATION, _LEAST_GAIN = 0.5, 0.03
+_PARTS = 6  # of a drive: one after the other is left out
+_LEAST_SIGMA_S = 0.01
+_WAYS_SIGMA_S = 0.03  # messages of two sensors are so much longer or shorter on their way
 _STILL_S = 0.2  # an image at a stop is so far from the motion
 _STILL_M = 0.01  # metres, or half a radian, within this time
 _LEAST_IMAGES = 3
@@ -121,16 +124,58 @@ class Way:
         return np.asarray(np.interp(at, known, values), dtype=np.float64)
 
 
+@dataclass(frozen=True)
+class ShownOffset:
+    """The seconds to add to a sensor's stamps, and their standard deviation, by the motion."""
+
+    seconds: float
+    sigma: float
+
+    def decided(self, by_log_s: float) -> float | None:
+        """Return the offset if the motion tells a clock that is off from messages that come late.
+
+        ``by_log_s`` is how much later the messages were logged. If the clock is off by that, both
+        are weighed: of the log it is known as well as ways of messages are alike.
+        """
+        sigma = max(self.sigma, _LEAST_SIGMA_S)
+        is_late = abs(self.seconds) < 3 * sigma
+        is_off = abs(self.seconds - by_log_s) < 3 * np.hypot(sigma, _WAYS_SIGMA_S)
+        if is_late and not is_off:
+            return 0.0
+        if is_off and not is_late:
+            weight = sigma**-2 / (sigma**-2 + _WAYS_SIGMA_S**-2)
+            return float(weight * self.seconds + (1 - weight) * by_log_s)
+        return None if is_late or sigma > _WAYS_SIGMA_S else self.seconds
+
+
 def offset_by_change(
     first_ns: Ints, second_ns: Ints, change: Floats, way: Way, *, about_s: float
-) -> float | None:
+) -> ShownOffset | None:
     """Return the seconds to add to a sensor's stamps so that its changes fit the motion.
 
     ``change`` (n,) says how much what it sees differs between two stamps. Offsets about zero and
-    about ``about_s`` are tried. None where the changes do not tell.
+    about ``about_s`` are tried. None where the changes do not tell, in all of the drive or without
+    some part of it. The sigma is that of the jackknife (Efron and Stein, Annals of Statistics,
+    1981).
     """
     if len(change) < _FEWEST_CHANGES:
         return None
+    whole = _best_offset(first_ns, second_ns, change, way, about_s)
+    if whole is None:
+        return None
+    part = np.arange(len(change)) * _PARTS // len(change)
+    left = [part != each for each in range(_PARTS)]
+    without = [_best_offset(first_ns[w], second_ns[w], change[w], way, about_s) for w in left]
+    known = np.array([each for each in without if each is not None])
+    if len(known) < _PARTS:
+        return None
+    sigma = float(np.sqrt((_PARTS - 1) * np.mean(np.square(known - known.mean()))))
+    return ShownOffset(whole, sigma)
+
+
+def _best_offset(
+    first_ns: Ints, second_ns: Ints, change: Floats, way: Way, about_s: float
+) -> float | None:
     near = np.arange(-_AROUND_S, _AROUND_S + _STEP_S / 2, _STEP_S)
     tried = np.unique(np.round(np.concatenate([near, about_s + near]), 3))
     fits = np.array([_fit(first_ns, second_ns, change, way, each) for each in tried])

@@ -110,6 +110,11 @@ class LaserScan:
         beams = np.arange(len(self.ranges), dtype=np.float64)
         return self.angle_min + self.angle_increment * beams
 
+    @property
+    def sweep_seconds(self) -> float:
+        """The time from the first beam, which the stamp is of, to the last."""
+        return float(self.time_increment) * max(len(self.ranges) - 1, 0)
+
 
 @dataclass(frozen=True)
 class Pose:

@@ -41,7 +41,7 @@ from tablemap.recording.unseen import Unseen, learnt, places_apart
 from tablemap.recording.window import windowed
 from tablemap.words import counted
 
-_COMPARED_IMAGES = 120  # of a camera whose clock may be off
+_COMPARED_IMAGES = 400  # of a camera whose clock may be off
 
 
 class Recording(SensorStreams):
@@ -181,10 +181,12 @@ class Recording(SensorStreams):
         return compared(measured())
 
     def _scan_pairs(self) -> Pairs:
-        """Compare neighbouring scans."""
-        stamps = run_of(self._laser.stamps_ns)
-        scans = self.scans(stamps_ns=stamps)
-        return compared((scan.stamp_ns, scan.ranges.astype(np.float64)) for scan in scans)
+        """Compare neighbouring scans, each at the middle of its sweep: the stamp is its begin."""
+        scans = self.scans(stamps_ns=run_of(self._laser.stamps_ns))
+        return compared(
+            (scan.stamp_ns + round(scan.sweep_seconds / 2 * 1e9), scan.ranges.astype(np.float64))
+            for scan in scans
+        )
 
     def _judge(self, config: TopicsConfig, limits: LimitsConfig) -> DepthMeaning:
         """Judge by the floor what depth means, and which calibration is right; say what differs."""

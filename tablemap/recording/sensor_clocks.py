@@ -61,7 +61,7 @@ class Settled:
 
 
 def settled(sensor: ClockedSensor, robot: RobotPoses, collector: TransformCollector) -> Settled:
-    """Return the offset of a sensor's clock where the motion shows it, or else a doubt."""
+    """Return the offset of a sensor's clock where the motion shows it, or else what is open."""
     found = difference(sensor.stamped.lags_s(), tf_lags(robot.tree, robot.names, collector))
     if found is None or not found.is_suspect:
         return Settled(0.0, None)
@@ -77,7 +77,7 @@ def settled(sensor: ClockedSensor, robot: RobotPoses, collector: TransformCollec
             )
             return Settled(offset, ProcessWarning("recording.clock", "recording", message))
     if not found.is_named:
-        return Settled(0.0, None)
+        return Settled(0.0, ProcessWarning("recording.clock", "recording", _open(sensor, found)))
     return Settled(0.0, ProcessWarning("accuracy.clock", "recording", _doubt(sensor, found)))
 
 
@@ -120,9 +120,9 @@ def run_of(stamps_ns: Ints, most: int = _MOST_PAIRS) -> Ints:
 
 def _shown(sensor: ClockedSensor, way: Way, found: ClockDifference) -> float | None:
     """Return the offset that the motion shows, None where it shows none."""
-    offset = offset_by_change(*sensor.changes(), way, about_s=found.seconds)
-    if offset is not None:
-        return offset
+    shown = offset_by_change(*sensor.changes(), way, about_s=found.seconds)
+    if shown is not None:
+        return shown.decided(found.seconds)
     stamps = sensor.stamped.stamps_ns
     if stands_at(stamps + round(found.seconds * SECOND_NS), way):
         return 0.0 if stands_at(stamps, way) else found.seconds
@@ -155,6 +155,15 @@ def _way(robot: RobotPoses, frame: str) -> Way | None:
 
 def _apart(offset_s: float) -> str:
     return f"{abs(offset_s):.2f} s {'behind' if offset_s > 0 else 'ahead of'}"
+
+
+def _open(sensor: ClockedSensor, found: ClockDifference) -> str:
+    when = "later" if found.seconds > 0 else "sooner"
+    return (
+        f"The {sensor.what}'s messages were logged {abs(found.seconds):.2f} s {when} after their "
+        "stamps than those of TF, and the motion does not show whether its clock is off or their "
+        f"way is longer; where the clock is, --set topics.{sensor.setting}={found.seconds:.3f}."
+    )
 
 
 def _doubt(sensor: ClockedSensor, found: ClockDifference) -> str:

@@ -108,7 +108,7 @@ def gather_scans(
             if number == drive:
                 mount = recording.base_from_laser(scan.stamp_ns)
                 height = float(mount[2, 3])
-                seconds = scan.time_increment * (len(scan.ranges) - 1)
+                seconds = scan.sweep_seconds
                 end = trajectory.at(scan.stamp_ns + round(max(seconds, 0.0) * 1e9))
                 ranges = _cleaned(scan)
                 group, noise = len(group_stops), range_noise

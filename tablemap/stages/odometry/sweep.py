@@ -57,7 +57,7 @@ def sweep_motion(
     window = sweep_window(scan)
     if window is None:
         return None, 0.0
-    duration = _duration(scan)
+    duration = scan.sweep_seconds
     before, after = (base_at(scan.stamp_ns + offset) for offset in window)
     if before is None or after is None:
         return None, duration
@@ -68,15 +68,11 @@ def sweep_motion(
 
 def sweep_window(scan: LaserScan) -> tuple[int, int] | None:
     """Return the nanoseconds from a scan's stamp to where its motion is measured; None without."""
-    duration = _duration(scan)
+    duration = scan.sweep_seconds
     if not 0.0 < duration < 1.0:
         return None
     span = _span(duration)
     return round((duration - span) / 2 * 1e9), round((duration + span) / 2 * 1e9)
-
-
-def _duration(scan: LaserScan) -> float:
-    return float(scan.time_increment) * max(len(scan.ranges) - 1, 0)
 
 
 def _span(duration: float) -> float:
