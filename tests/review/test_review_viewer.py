@@ -23,7 +23,7 @@ from tablemap.errors import ExternalToolError, TablemapError
 from tablemap.review import Reviewer
 from tablemap.review.page.page import Page
 from tablemap.review.viewer import viewer
-from tablemap.review.viewer.still import TABS, still
+from tablemap.review.viewer.still import TABS, _headless, _shoot, still
 from tests.making import made_up_run as made_up
 
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
@@ -39,6 +39,12 @@ MANIFEST = {
 }
 DRAWN_SECONDS = 200
 DRIVERS = (Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
+PANEL = (slice(60, 500), slice(760, None))
+"""Rows and columns of the selection panel in a window of 1000 by 700 pixels."""
+needs_vulkan = pytest.mark.skipif(
+    not any(list(folder.glob("*.json")) for folder in DRIVERS if folder.is_dir()),
+    reason="needs a Vulkan driver, such as mesa-vulkan-drivers",
+)
 
 
 def test_a_missing_file_is_said(tmp_path: Path) -> None:
@@ -69,10 +75,7 @@ def test_statistics_are_off() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(
-    not any(list(folder.glob("*.json")) for folder in DRIVERS if folder.is_dir()),
-    reason="needs a Vulkan driver, such as mesa-vulkan-drivers",
-)
+@needs_vulkan
 def test_every_tab_shows_something(tmp_path: Path) -> None:
     """In the real viewer no view reports an error, and no tab is empty."""
     path = tmp_path / "run.rrd"
@@ -86,6 +89,39 @@ def test_every_tab_shows_something(tmp_path: Path) -> None:
         assert still(path, picture, tab=tab.lower()) == []
         pixels = np.asarray(PIL.Image.open(picture).convert("RGB"), dtype=np.float64)
         assert pixels[70:660].std() > 10
+
+
+@pytest.mark.slow
+@needs_vulkan
+def test_a_link_of_a_text_pane_selects_its_entity(tmp_path: Path) -> None:
+    """What a click on one opens: the selection panel then has the entity, each link its own."""
+    path = tmp_path / "run.rrd"
+    with Reviewer(path, run_id="links", recording_name="made up", config=ReviewConfig()) as record:
+        for one in made_up.results():
+            record(one)
+    with _headless(path, (1000, 700)) as client:
+        client.run_command("ui.expand_selection_panel")
+        before = panel(client)
+        selected = []
+        for link in ("model/top", "model/dimensions"):
+            client.open(f"recording://{link}")
+            selected.append(panel(client))
+    assert (np.abs(selected[0] - before).max(axis=-1) > 30).mean() > 0.01
+    assert (np.abs(selected[1] - selected[0]).max(axis=-1) > 30).mean() > 0.005
+
+
+def panel(client: Any) -> NDArray[np.float64]:
+    """The selection panel, once it does not change any more."""
+    previous = None
+    deadline = time.monotonic() + DRAWN_SECONDS
+    while time.monotonic() < deadline:
+        time.sleep(1.0)
+        with PIL.Image.open(io.BytesIO(_shoot(client))) as picture:
+            here = np.asarray(picture.convert("RGB"), dtype=np.float64)[PANEL]
+        if previous is not None and np.array_equal(here, previous):
+            return here
+        previous = here
+    raise AssertionError(f"the panel changed for {DRAWN_SECONDS} s")
 
 
 @pytest.mark.slow
