@@ -10,12 +10,20 @@ import struct
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+from google.protobuf.descriptor_pb2 import FieldDescriptorProto as Field
+
 from tablemap.config import LimitsConfig
 from tablemap.recording.messages import CompressedImage, Image, LaserScan
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _DEPTH_HEADER = 12  # bytes that compressedDepth puts before its image
 _VARINT, _FIXED64, _BYTES, _GROUP, _GROUP_END, _FIXED32 = range(6)
+_FIXED_SIZES = {
+    **dict.fromkeys((Field.TYPE_DOUBLE, Field.TYPE_FIXED64, Field.TYPE_SFIXED64), 8),
+    **dict.fromkeys((Field.TYPE_FLOAT, Field.TYPE_FIXED32, Field.TYPE_SFIXED32), 4),
+}
+_NEVER_PACKED = (Field.TYPE_STRING, Field.TYPE_BYTES)
 
 
 class ClaimError(Exception):
@@ -52,10 +60,10 @@ def check_json(data: memoryview, limits: LimitsConfig) -> bytes:
 def check_protobuf(data: memoryview, descriptor: Any, limits: LimitsConfig) -> bytes:
     """Return the bytes of a protobuf message.
 
-    Raises `ClaimError` where it has too many fields.
+    Raises `ClaimError` where it has too many fields, or elements of lists.
     """
     message = bytes(data)
-    if len(message) > 2 * limits.message_parts:  # no field takes less
+    if len(message) > limits.message_parts:  # an element of a packed list may take a byte
         _count_fields(message, descriptor, limits)
     return message
 
@@ -69,8 +77,6 @@ def _count_fields(message: bytes, descriptor: Any, limits: LimitsConfig) -> None
         fields = {} if kind is None else kind.fields_by_number
         while at < end:
             count += 1
-            if count > limits.message_parts:
-                raise ClaimError(f"has {count} parts or more, {limits.over('message_parts')}")
             tag, at = _varint(message, at, end)
             wire = tag & 7
             if wire == _VARINT:
@@ -84,9 +90,20 @@ def _count_fields(message: bytes, descriptor: Any, limits: LimitsConfig) -> None
                 field = fields.get(tag >> 3)
                 if field is not None and field.message_type is not None:
                     waiting.append((at, min(at + length, end), field.message_type))
+                elif field is not None and field.type not in _NEVER_PACKED:
+                    count += _packed(message, at, min(at + length, end), field.type)
                 at += length
             elif wire not in (_GROUP, _GROUP_END):
                 return  # the parser will say what is wrong
+            if count > limits.message_parts:
+                raise ClaimError(f"has {count} parts or more, {limits.over('message_parts')}")
+
+
+def _packed(message: bytes, at: int, end: int, kind: int) -> int:
+    """Return how many numbers a packed list has; each of varying length ends in a low byte."""
+    if size := _FIXED_SIZES.get(kind):
+        return (end - at) // size
+    return int(np.count_nonzero(np.frombuffer(message, np.uint8)[at:end] < 0x80))
 
 
 def _varint(data: bytes, at: int, end: int) -> tuple[int, int]:

@@ -22,7 +22,13 @@ from tablemap.recording.claims import Counted, check_json, check_protobuf
 from tablemap.recording.kinds import KINDS, TRANSFORMS, schema_key
 from tablemap.recording.messages import DecodingError
 from tablemap.recording.raw import Channel
-from tablemap.recording.schemas import SchemaError, check_types, types_of_idl, types_of_msg
+from tablemap.recording.schemas import (
+    SchemaError,
+    check_descriptors,
+    check_types,
+    types_of_idl,
+    types_of_msg,
+)
 from tablemap.recording.tf.messages import Reader as DirectReader
 from tablemap.recording.tf.messages import direct_reader
 
@@ -56,6 +62,7 @@ def _schema_parser(
         if encoding in ("ros1", "cdr"):
             return _ros_parser(encoding, name, schema_encoding, schema_data.decode(), limits)
         if encoding == "protobuf":
+            check_descriptors(schema_data, limits)
             schema = Schema(1, schema_data, schema_encoding, name)
             decode = DecoderFactory().decoder_for(encoding, schema)
             if decode is not None:

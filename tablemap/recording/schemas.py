@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
@@ -83,6 +84,25 @@ def check_types(types: Types, name: str, limits: LimitsConfig, *, ros1: bool) ->
     counts = _Counts(types, limits, ros1=ros1)
     counts.of(name, 0)
     return counts.listed
+
+
+def check_descriptors(data: bytes, limits: LimitsConfig) -> None:
+    """Check the names in a protobuf schema: each is held with those of all that it is within.
+
+    A package's name of half the schema's size would be repeated for every field of the other half.
+    Raises `SchemaError` if a name is too long.
+    """
+    for file in FileDescriptorSet.FromString(data).file:
+        waiting = [(len(file.package.encode()), each) for each in file.message_type]
+        longest = len(file.package.encode())
+        while waiting:
+            before, kind = waiting.pop()
+            length = before + len(kind.name.encode()) + 1
+            longest = max(longest, length)
+            waiting += [(length, each) for each in kind.nested_type]
+        if longest > limits.name_bytes:
+            over = limits.over("name_bytes")
+            raise SchemaError(f"has the name of a type of {longest} bytes, {over}")
 
 
 def _check_size(text: str, parts: int, limits: LimitsConfig) -> None:

@@ -182,7 +182,8 @@ def test_memory_of_a_small_message_is_small() -> None:
     assert sum(1 for _ in container.messages([1])) == 900_000
 
 
-def _limited() -> None:
+def limited() -> None:
+    """Give a program a gigabyte and ten seconds."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
 
@@ -202,7 +203,7 @@ def test_hostile_files_are_read_or_refused_in_a_gigabyte_and_ten_seconds(
             capture_output=True,
             text=True,
             check=False,
-            preexec_fn=_limited,
+            preexec_fn=limited,
             timeout=300,
         )
         assert done.returncode in (0, 1), (name, done.returncode, done.stderr[-500:])
