@@ -166,6 +166,14 @@ class SensorsConfig(Section):
         description="degrees; tilt of a single view in addition to the tilt of all views (sigma). "
         "Higher: each view follows its own floor more",
     )
+    base_lean_share: float = Field(
+        default=0.5,
+        ge=0,
+        le=1,
+        description="share of the pitch of a single view that is a lean of the base, which moves "
+        "the camera as well; the rest is the head's. A roll is all a lean. Higher: a pitch moves "
+        "the camera further",
+    )
     view_height_sigma: float = Field(
         default=0.0005,
         gt=0,

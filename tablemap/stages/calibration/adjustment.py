@@ -73,6 +73,7 @@ class Beliefs:
     scale: of the constant term of the depth field, a share
     view_tilt: of one view's tilt against the common one, radians: encoders, a base that leans
     view_lift: of one view's height, metres
+    lean_share: share of one view's roll, and of its pitch, that is a lean of the base
     bends: whether the depth image may bend at all
     """
 
@@ -80,6 +81,7 @@ class Beliefs:
     scale: float
     view_tilt: float
     view_lift: float
+    lean_share: tuple[float, float]
     bends: bool
 
 

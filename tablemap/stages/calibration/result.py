@@ -21,12 +21,17 @@ class TopBelief:
         camera (as a share of it), roll and pitch of the camera (radians)
     view_tilt: of a single view's roll and pitch, radians
     view_lift: of a single view's camera above the top, metres
+    lean: metres that a single view's camera moves with each radian of the view's roll and pitch,
+        as far as these are a lean of the base
+    view_shift: of a single view's camera along its base, metres, whatever its pitch
     is_held: whether the camera was held by a hand
     """
 
     covariance: Floats
     view_tilt: float
     view_lift: float
+    lean: tuple[float, float]
+    view_shift: float
     is_held: bool
 
 
@@ -114,7 +119,7 @@ class Calibration:
         that of m. If the top took part in the adjustment, its height comes from there.
         """
         if not self.snapshots:
-            return TopBelief(np.zeros((4, 4)), 0.0, 0.0, False)
+            return TopBelief(np.zeros((4, 4)), 0.0, 0.0, (0.0, 0.0), 0.0, False)
         camera = float(np.median([s.base_from_camera[2, 3] for s in self.snapshots]))
         axis = float(np.median([s.base_from_camera[2, 2] for s in self.snapshots]))
         drop = max(camera - height, 0.1)
@@ -131,9 +136,13 @@ class Calibration:
         rows[1, PLACE["height"]] += 1.0 / drop
         rows[2, PLACE["roll"]] = rows[3, PLACE["pitch"]] = 1.0
         own = np.sqrt(np.mean(self.adjustment.own_sigma**2, axis=0))
+        pitches = np.sqrt(np.mean(self.adjustment.own[:, 1] ** 2) + own[1] ** 2)
+        by_roll, by_pitch = self.beliefs.lean_share
         return TopBelief(
             covariance=rows @ self.adjustment.covariance @ rows.T,
             view_tilt=float(np.hypot(own[0], own[1]) / np.sqrt(2)),
             view_lift=float(own[2]),
+            lean=(by_roll * camera, by_pitch * camera),
+            view_shift=float(camera * pitches * np.sqrt(by_pitch * (1 - by_pitch))),
             is_held=self.beliefs.common.lean_x > 0,
         )

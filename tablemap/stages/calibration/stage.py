@@ -150,6 +150,7 @@ def _beliefs(
         scale=sensors.depth_scale_sigma,
         view_tilt=loose * float(np.deg2rad(sensors.view_tilt_sigma_deg)),
         view_lift=loose**2 * sensors.view_height_sigma,
+        lean_share=(0.0, 0.0) if held else (1.0, sensors.base_lean_share),
         bends=step == 0,
     )
 
@@ -311,10 +312,8 @@ def _result(
     headings = np.array([snapshot.map_from_base.yaw for snapshot in snapshots]) + turns
     tilts = view_tilts(headings, adjustment.common, adjustment.own)
     corrected = tuple(
-        _corrected(snapshot, adjustment, (float(roll), float(pitch)), float(lift), float(turn))
-        for snapshot, (roll, pitch), lift, turn in zip(
-            snapshots, tilts, adjustment.own[:, 2], turns, strict=True
-        )
+        _corrected(snapshot, adjustment, tilt, own, beliefs.lean_share, float(turn))
+        for snapshot, tilt, own, turn in zip(snapshots, tilts, adjustment.own, turns, strict=True)
     )
     return Calibration(
         adjustment=adjustment,
@@ -367,11 +366,15 @@ _LEAST_BLOCK = 5
 def _corrected(
     snapshot: Snapshot,
     adjustment: Adjustment,
-    tilt: tuple[float, float],
-    lift: float,
+    tilt: Floats,
+    own: Floats,
+    lean_share: tuple[float, float],
     turn: float,
 ) -> Snapshot:
-    """Return a snapshot with the adjusted camera and depth."""
+    """Return a snapshot with the adjusted camera and depth.
+
+    A base that leans turns about its wheels: it moves the camera, a metre above, by millimetres.
+    """
     common = adjustment.common
     rotation: Floats = Rotation.from_euler("xy", tilt).as_matrix()
     if turn:
@@ -379,7 +382,10 @@ def _corrected(
         rotation = about @ rotation @ about.T
     mount = snapshot.base_from_camera.copy()
     mount[:3, :3] = rotation @ mount[:3, :3]
-    mount[2, 3] += common.height + lift
+    roll, pitch = own[:2] * lean_share
+    c, s = np.cos(turn), np.sin(turn)
+    mount[:2, 3] += mount[2, 3] * np.array([c * pitch + s * roll, s * pitch - c * roll])
+    mount[2, 3] += common.height + own[2]
     depth = snapshot.depth * adjustment.field.multiplier(snapshot.camera, snapshot.depth)
     if abs(common.offset) > _LEAST_OFFSET:
         depth = depth + np.float32(common.offset)

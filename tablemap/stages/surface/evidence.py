@@ -149,7 +149,7 @@ def gather(
     top, free = _vote(views, poses, config)
     normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
     mean, precision = common_prior(outline, registration, config, sensors, mounting)
-    root, sources = corrections_root(views, poses, registration, outline.camera, sensors)
+    root, sources = corrections_root(views, poses, registration, outline, sensors)
     evidence = Evidence(
         origin=origin,
         in_base=in_base,

@@ -6,7 +6,6 @@ import numpy as np
 
 from tablemap.config import SensorsConfig, SurfaceConfig
 from tablemap.geometry import Floats
-from tablemap.stages.calibration import TopBelief
 from tablemap.stages.outline import Outline, ViewEdges
 from tablemap.stages.registration import Registration
 from tablemap.stages.surface.motion import Mounting
@@ -116,7 +115,7 @@ def corrections_root(
     views: list[ViewEdges],
     poses: Floats,
     registration: Registration,
-    camera: TopBelief | None,
+    outline: Outline,
     sensors: SensorsConfig,
 ) -> tuple[Floats, tuple[str, ...]]:
     """Return a root (n * ViewCorrections.COUNT, m) of the corrections' covariance, and its sources.
@@ -125,28 +124,39 @@ def corrections_root(
 
     The root times m independent unit normals gives corrections with their prior covariance. The
     mean pose is in the null space of the relative covariance of the poses (n, 3), and so does not
-    move.
+    move. A view's roll and pitch are partly a lean of its base, which moves its camera too.
     """
+    camera = outline.camera
     count = len(poses)
     pose_root = _root(registration.covariance, count)
     size = ViewCorrections.COUNT
-    own = np.zeros((count, size, _OWN * len(views)))
+    own = np.zeros((count, size, len(_OWN) * len(views)))
     tilt = np.deg2rad(sensors.view_tilt_sigma_deg) if camera is None else camera.view_tilt
+    by_roll, by_pitch = (0.0, 0.0) if camera is None else camera.lean
+    shift = 0.0 if camera is None else camera.view_shift
     pan = np.deg2rad(sensors.view_pan_sigma_deg)
     for place, view in enumerate(views):
         sigmas = {"scale": view.scale_sigma, "roll": tilt, "pitch": tilt, "pan": pan}
+        mine = own[view.index, :, len(_OWN) * place : len(_OWN) * (place + 1)]
         for column, (name, sigma) in enumerate(sigmas.items()):
-            own[view.index, ViewCorrections.place(name), _OWN * place + column] = sigma
+            mine[ViewCorrections.place(name), column] = sigma
+        heading = poses[view.index, 2] + outline.turns.get(view.index, 0.0)
+        c, s = np.cos(heading), np.sin(heading)
+        at = [ViewCorrections.place("x"), ViewCorrections.place("y")]
+        mine[at, 1] = tilt * by_roll * np.array([s, -c])
+        mine[at, 2] = tilt * by_pitch * np.array([c, s])
+        mine[at, 4] = shift * np.array([c, s])
     moved = np.zeros((count, size, pose_root.shape[1]))
     moved[:, :3] = pose_root.reshape(count, 3, -1)
     root = np.concatenate([moved, own], axis=2).reshape(size * count, -1)
     sources = ["poses"] * pose_root.shape[1]
-    sources += ["depth", "tilt", "tilt", "tilt"] * len(views)
+    sources += _OWN * len(views)
     kept = np.abs(root).max(axis=0) > 0
     return root[:, kept], tuple(s for s, keep in zip(sources, kept, strict=True) if keep)
 
 
-_OWN = 4  # corrections of a view's camera: scale, roll, pitch and pan
+# What a view's own scale, roll, pitch, pan and shift belong to in a budget.
+_OWN = ["depth", "tilt", "tilt", "tilt", "tilt"]
 
 
 def _root(covariance: Floats, count: int) -> Floats:

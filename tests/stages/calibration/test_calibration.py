@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tablemap.config import CalibrationConfig, SensorsConfig
-from tablemap.geometry import Pose2
+from tablemap.geometry import Floats, Pose2
 from tablemap.stages.calibration import Calibration, SeenTop, calibrate, flatten
 from tablemap.stages.snapshots import Snapshot
 from tests.making.casting import Box
@@ -85,6 +85,44 @@ def test_what_the_floor_cannot_tell_stays_in_the_covariance() -> None:
     assert height_sigma(result, 0.74) == pytest.approx(0.74 * scale_sigma, rel=0.15)
 
 
+def leaning(leans: Floats) -> tuple[Snapshot, ...]:
+    """Views of a table from bases with these rolls and pitches (n, 2), about their wheels."""
+    views = []
+    for index, (roll, pitch) in enumerate(leans):
+        true = tilted(mounting(), roll=roll, pitch=pitch)
+        # The base turns as a whole: the camera's place moves with it.
+        true[:3, 3] = tilted(np.eye(4), roll=roll, pitch=pitch)[:3, :3] @ mounting()[:3, 3]
+        (view,) = round_trip(
+            table(0.0, 0.0, 1.2, 0.8, 0.74, 0.3),
+            (0.0, 0.0),
+            views=1,
+            mount=true,
+            recorded_mount=mounting(),
+            seed=index,
+        )
+        views.append(replace(view, index=index))
+    return tuple(views)
+
+
+def test_a_base_that_leans_moves_its_camera() -> None:
+    """A roll of .15 degrees is a lean, 3 mm at the camera; half of a pitch may be the head's."""
+    leans = np.deg2rad([[0.15, 0], [-0.15, 0], [0, 0.15], [0, -0.15], [0, 0], [0, 0]])
+    result = calibrate(leaning(leans), config=CONFIG, sensors=SENSORS)
+    moved = np.stack([s.base_from_camera[:2, 3] for s in result.snapshots])
+    rolled = -1.1 * leans[:, 0]
+    pitched = 1.1 * leans[:, 1]
+    np.testing.assert_allclose(moved[:, 1] - moved[:, 1].mean(), rolled, atol=0.0006)
+    np.testing.assert_allclose(moved[:, 0] - moved[:, 0].mean(), 0.5 * pitched, atol=0.0006)
+    belief = result.top_belief(0.74)
+    assert belief.lean == pytest.approx((1.1, 0.55), rel=0.01)
+    assert belief.view_shift == pytest.approx(0.55 * np.deg2rad(0.15 * np.sqrt(2 / 6)), rel=0.4)
+    without = calibrate(
+        leaning(leans), config=CONFIG, sensors=SENSORS.model_copy(update={"base_lean_share": 0.0})
+    )
+    ahead = np.stack([s.base_from_camera[0, 3] for s in without.snapshots])
+    np.testing.assert_allclose(ahead, 0.0, atol=1e-9)
+
+
 def test_a_camera_held_by_hand_is_not_believed_its_height() -> None:
     """Images that roll from view to view tell a hand: 2 cm of height are no depth scale then."""
     mounts = [tilted(mounting(), roll=np.deg2rad(4.0 * (i % 3)), pitch=0.0) for i in range(6)]
@@ -103,6 +141,7 @@ def test_a_camera_held_by_hand_is_not_believed_its_height() -> None:
     assert held.height_correction > 2 * firm.height_correction
     assert abs(held.depth_scale - 1) < 0.7 * abs(firm.depth_scale - 1)
     assert held.covariance[2, 2] > firm.covariance[2, 2]
+    assert held.top_belief(0.74).lean == (0.0, 0.0)
 
 
 def test_a_low_shelf_does_not_pass_for_the_floor() -> None:

@@ -155,7 +155,14 @@ def test_a_wrong_camera_height_is_admitted() -> None:
         height, scale, tilt = 0.0038, 0.005, np.radians(0.1)
         covariance = np.diag([height, scale, tilt, tilt]) ** 2
         covariance[0, 1] = covariance[1, 0] = 0.95 * height * scale
-        camera = TopBelief(covariance, view_tilt=0.001, view_lift=0.0005, is_held=False)
+        camera = TopBelief(
+            covariance,
+            view_tilt=0.001,
+            view_lift=0.0005,
+            lean=(0.0, 0.0),
+            view_shift=0.0,
+            is_held=False,
+        )
         outline = replace(outline, camera=camera, height_sigma=height)
         surface = fit_surface(
             outline, registration, config=SurfaceConfig(), sensors=SENSORS, seed=0
