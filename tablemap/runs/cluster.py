@@ -22,7 +22,7 @@ from tablemap.errors import ExternalToolError
 from tablemap.events import StageStarted
 from tablemap.inputs import AnyInput, Input
 from tablemap.runs.jobs import TRIES, Job, Progress, mark_lost, runs_of
-from tablemap.runs.running import Outcome
+from tablemap.runs.running import Outcome, out_of_memory
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -195,6 +195,8 @@ def _sentence(error: Exception, task: _ClusterTask) -> str:
 
     if isinstance(error, KilledWorker):
         return f"its worker died each time; is there enough memory? {task.recording}"
+    if isinstance(error, MemoryError):
+        return out_of_memory(task.recording)
     if isinstance(error, ModuleNotFoundError) and "tablemap" in str(error):
         return f"a worker has no tablemap; install the same there: {task.recording}"
     return f"the cluster has not processed it ({type(error).__name__}: {error}): {task.recording}"

@@ -52,12 +52,22 @@ class Outcome:
 
     @staticmethod
     def of_defect(recording: Input, error: Exception) -> Outcome:
-        """Return how a run ended that has met a defect of the program."""
+        """Return how a run ended that has met a defect of the program, or the memory's end."""
+        if isinstance(error, MemoryError):
+            return Outcome(recording, None, "failed", out_of_memory(recording), None)
         sentence = (
             f"this is a defect of tablemap: {type(error).__name__}: {error}; run it again with "
             f"--debug and report what it prints: {recording}"
         )
         return Outcome(recording, None, "failed", sentence, None)
+
+
+def out_of_memory(recording: object) -> str:
+    """Return the sentence about a recording for which there was not enough memory."""
+    return (
+        "the memory does not suffice; free some, process fewer recordings at once, or lower the "
+        f"settings of [limits]: {recording}"
+    )
 
 
 class InterruptedRun(KeyboardInterrupt):
@@ -114,7 +124,7 @@ def run(
                 raise KeyboardInterrupt from error
             raise InterruptedRun(running.folder.path) from error
         if isinstance(error, MemoryError):
-            sentence = f"the memory does not suffice ({error}): {recording}"
+            sentence = out_of_memory(recording)
         elif isinstance(error, (TablemapError, OSError)):
             sentence = str(error)
         else:

@@ -73,9 +73,12 @@ def test_other_bytes_of_the_same_size_are_another_recording(
     assert done_already(recording, Job(tmp_path / "runs", Config())) is None
 
 
+NAMES = ("good", "defect", "hungry", "deadly", "once", "last")
+
+
 def test_failures_and_deaths_stay_alone(tmp_path: Path) -> None:
     """A defect fails its recording; a worker that died is replaced, its recording tried again."""
-    recordings = [tmp_path / f"{n}.mcap" for n in ("good", "defect", "deadly", "once", "last")]
+    recordings = [tmp_path / f"{n}.mcap" for n in NAMES]
     for file in recordings:
         file.write_bytes(b"x")
     begun: list[str] = []
@@ -92,11 +95,13 @@ def test_failures_and_deaths_stay_alone(tmp_path: Path) -> None:
     assert statuses == {
         "good": "ok",
         "defect": "failed",
+        "hungry": "failed",
         "deadly": "failed",
         "once": "ok",
         "last": "ok",
     }
     assert "of this recording" in (outcomes["defect"].error or "")
+    assert "process fewer recordings at once" in (outcomes["hungry"].error or "")
     assert "signal 9" in (outcomes["deadly"].error or "")
     assert begun.count("deadly") == begun.count("once") == 2
     for name, expected in (("deadly", ["interrupted"] * 2), ("once", ["interrupted", "ok"])):

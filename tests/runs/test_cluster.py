@@ -116,7 +116,7 @@ def statuses(output: Path, name: str) -> list[str]:
 
 def test_a_killed_worker_s_recording_goes_to_the_other(address: str, tmp_path: Path) -> None:
     """A worker is killed by the first recording that it is given; nothing else is lost."""
-    files = recordings(tmp_path, "once", "a", "defect", "b")
+    files = recordings(tmp_path, "once", "a", "defect", "b", "hungry")
     stages: list[str] = []
     with workers(address, 2) as processes:
         outcomes = {
@@ -131,7 +131,8 @@ def test_a_killed_worker_s_recording_goes_to_the_other(address: str, tmp_path: P
         }
         killed = [process for process in processes if process.poll() == -signal.SIGKILL]
         assert len(killed) == 1
-    assert [outcomes[file].status for file in files] == ["ok", "ok", "failed", "ok"]
+    assert [outcomes[file].status for file in files] == ["ok", "ok", "failed", "ok", "failed"]
+    assert "process fewer recordings at once" in (outcomes[files[4]].error or "")
     assert "of this recording" in (outcomes[files[2]].error or "")
     assert statuses(tmp_path / "runs", "once") == ["interrupted", "ok"]
     (lost,) = (

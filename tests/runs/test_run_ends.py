@@ -152,6 +152,23 @@ def test_a_full_disk_is_said_in_the_manifest(
     assert not (outcome.run.path / RESERVE).exists()
 
 
+def test_memory_that_does_not_suffice_fails_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is no defect: the manifest has the reason and what to do."""
+
+    def exhaust(folder: Path) -> None:
+        raise MemoryError
+
+    outcome = ended(tmp_path, monkeypatch, exhaust)
+    assert outcome.status == "failed"
+    assert outcome.run is not None
+    manifest = load_run(outcome.run.path).manifest
+    assert manifest.status == "failed"
+    assert "memory does not suffice; free some" in (manifest.error or "")
+    assert "defect" not in (manifest.error or "")
+
+
 def test_a_disk_without_room_for_a_run_is_left_as_it_was(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
