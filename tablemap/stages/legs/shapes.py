@@ -49,28 +49,53 @@ def refine(
         return [], None, None
     covariance = _pose_covariance(scans, registration)
     information = np.linalg.inv(covariance).astype(np.float64)
-    legs: list[Leg] = []
+    fitted: list[list[Leg]] = []
     beam = bias = None
     for group in _alike(accepted):
         evidence = [c.evidence for c in group if c.evidence is not None]
         rough = _best(group, evidence, (group[0].kind,), information, frame, sensors)
         evidence = _weighted(evidence, rough, scans)
         fit = _best(group, evidence, tuple(group[0].fits), information, frame, sensors)
-        legs += [
-            measured_leg(
-                fit,
-                i,
-                points=candidate.points,
-                views=seen.stops,
-                systematic=_systematic(candidate, registration, frame, sensors),
-                size_systematic=_SIZE_SYSTEMATIC,
-                seen_by="laser",
-            )
-            for i, (candidate, seen) in enumerate(zip(group, evidence, strict=True))
-        ]
+        fitted.append(
+            [
+                measured_leg(
+                    fit,
+                    i,
+                    points=candidate.points,
+                    views=seen.stops,
+                    systematic=_systematic(candidate, registration, frame, sensors),
+                    size_systematic=_SIZE_SYSTEMATIC,
+                    seen_by="laser",
+                )
+                for i, (candidate, seen) in enumerate(zip(group, evidence, strict=True))
+            ]
+        )
         if beam is None:
             beam, bias = fit.beam_half_width, fit.range_bias
-    return legs, beam, bias
+    return seen_in_part(fitted), beam, bias
+
+
+def seen_in_part(groups: list[list[Leg]]) -> list[Leg]:
+    """Widen the places of legs that differ in size from at least two that are alike.
+
+    Legs of a table are made alike: one that differs was probably seen in part, as beside a wall.
+    Then its middle may be off by half of what was not seen.
+    """
+    usual = max(groups, key=len)
+    if len(usual) < 2:
+        return [leg for group in groups for leg in group]
+    legs = list(usual)
+    for leg in (leg for group in groups if group is not usual for leg in group):
+        hidden = max(abs(end(_sizes(leg)) - end(_sizes(usual[0]))) for end in (min, max))
+        own = leg.position_sigma
+        legs.append(
+            replace(leg, position_sigma=None if own is None else float(np.hypot(own, hidden / 2)))
+        )
+    return legs
+
+
+def _sizes(leg: Leg) -> list[float]:
+    return [figure.value for figure in leg.dimensions.values()]
 
 
 def _pose_covariance(scans: Scans, registration: Registration) -> Floats:

@@ -16,6 +16,7 @@ from tablemap.stages.legs.adjoining import find_adjoining
 from tablemap.stages.legs.depth import Reach
 from tablemap.stages.legs.layout import Frame
 from tablemap.stages.legs.missing import infer_missing
+from tablemap.stages.legs.shapes import seen_in_part
 from tablemap.stages.surface import FittedFigure
 from tests.making.leg_scenes import Scene, drive, four
 
@@ -321,3 +322,19 @@ def test_legs_close_before_a_wall_are_told_from_it() -> None:
     legs = _found(scene, arc=np.pi, stops=6, with_depth=True)
     assert len(legs.legs) == 4
     assert _errors(legs, truth).max() < 0.012
+
+
+def sized(diameter: float) -> Leg:
+    """Return a round leg that was measured to a millimetre."""
+    size = {"diameter": FittedFigure(diameter, 0.001)}
+    return Leg("circle", 0.0, 0.0, 0.0, "measured", 0.001, size, np.zeros((0, 2)), 2, "laser")
+
+
+def test_a_leg_unlike_the_others_may_be_half_hidden() -> None:
+    """Its place is as unsure as half of what was not seen of it; without a pair none is usual."""
+    alike = [sized(0.05), sized(0.05)]
+    widened = seen_in_part([alike, [sized(0.02)]])
+    assert [leg.position_sigma for leg in widened[:2]] == [0.001, 0.001]
+    assert widened[2].position_sigma == pytest.approx(np.hypot(0.001, 0.015))
+    single = seen_in_part([[sized(0.05)], [sized(0.02)]])
+    assert [leg.position_sigma for leg in single] == [0.001, 0.001]
