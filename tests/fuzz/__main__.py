@@ -31,10 +31,9 @@ with atheris.instrument_imports(include=["tablemap", "rosbags"]):
     from tablemap.recording.messages import DecodingError
     from tablemap.recording.raw import Channel, RawMessage
 
-from tests.making import hostile
+from tests.making import hostile, protobuf
 from tests.making import messages as w
 from tests.making.models import rectangle_model
-from tests.recording import test_malformed_protobuf as malformed_protobuf
 
 LIMITS = LimitsConfig(
     chunk_mib=8,
@@ -184,7 +183,7 @@ def seeds() -> Iterator[bytes]:
     for data in drives:
         yield number[container] + data
         yield number[recording] + data
-    for place, (found, raw) in enumerate([*_messages(drives[:2]), *malformed_protobuf.sound()]):
+    for place, (found, raw) in enumerate([*_messages(drives[:2]), *protobuf.channels()]):
         CHANNELS.append(found)
         yield number[message] + bytes([place]) + raw
         kinds = [names[:2] for names in ENCODINGS]

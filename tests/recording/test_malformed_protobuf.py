@@ -6,13 +6,10 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from foxglove import messages as fm
 from google.protobuf.descriptor_pb2 import DescriptorProto, FileDescriptorProto, FileDescriptorSet
 from google.protobuf.descriptor_pb2 import FieldDescriptorProto as Field
 from hypothesis import given, settings
@@ -24,69 +21,10 @@ from tablemap.recording.messages import DecodingError
 from tablemap.recording.raw import Channel, RawMessage
 from tests.making import hostile
 from tests.making import messages as w
-from tests.recording.test_recording_limits import READ, limited, said
+from tests.making.bounds import READ, limited, said
+from tests.making.protobuf import MESSAGES, channels
 
 many = settings(deadline=None, derandomize=True, database=None, max_examples=300)
-
-STAMP = fm.Timestamp(sec=w.START_NS // w.SECOND, nsec=5)
-PLACE = fm.Pose(position=fm.Vector3(x=1.0), orientation=fm.Quaternion(w=1.0))
-EDGE = fm.FrameTransform(
-    timestamp=STAMP,
-    parent_frame_id="map",
-    child_frame_id="odom",
-    translation=fm.Vector3(x=1.0, y=2.0),
-    rotation=fm.Quaternion(w=1.0),
-)
-MESSAGES: tuple[Any, ...] = (
-    fm.RawImage(
-        timestamp=STAMP,
-        frame_id=w.CAMERA,
-        width=w.WIDTH,
-        height=w.HEIGHT,
-        encoding="16UC1",
-        step=2 * w.WIDTH,
-        data=w.millimetres().tobytes(),
-    ),
-    fm.CompressedImage(
-        timestamp=STAMP, frame_id=w.CAMERA, data=w.png(w.millimetres()), format="png"
-    ),
-    fm.CameraCalibration(
-        timestamp=STAMP, frame_id=w.CAMERA, width=w.WIDTH, height=w.HEIGHT, K=w.K, D=[0.1] * 5
-    ),
-    fm.PointCloud(
-        timestamp=STAMP,
-        frame_id=w.CAMERA,
-        point_stride=12,
-        fields=[
-            fm.PackedElementField(
-                name=name, offset=4 * place, type=fm.PackedElementFieldNumericType.Float32
-            )
-            for place, name in enumerate("xyz")
-        ],
-        data=w.cloud().tobytes(),
-    ),
-    fm.LaserScan(
-        timestamp=STAMP,
-        frame_id=w.LASER,
-        start_angle=-1.5,
-        end_angle=1.5,
-        ranges=np.linspace(1, 2, 31).tolist(),
-    ),
-    fm.PoseInFrame(timestamp=STAMP, frame_id="map", pose=PLACE),
-    EDGE,
-    fm.FrameTransforms(transforms=[EDGE, EDGE]),
-)
-
-
-@cache
-def sound() -> tuple[tuple[Channel, bytes], ...]:
-    """Return a channel and a message of each type that is read."""
-    found = []
-    for message in MESSAGES:
-        schema = type(message).get_schema()
-        channel = Channel(1, "/it", "protobuf", schema.name, "protobuf", schema.data, {})
-        found.append((channel, message.encode()))
-    return tuple(found)
 
 
 def told(schema: bytes, data: bytes, name: str = "foxglove.RawImage") -> str:
@@ -103,9 +41,9 @@ def told(schema: bytes, data: bytes, name: str = "foxglove.RawImage") -> str:
 
 def test_every_message_is_sound_at_first() -> None:
     """Else the following would show nothing."""
-    assert [told(channel.schema_data, data, channel.schema_name) for channel, data in sound()] == [
-        ""
-    ] * len(MESSAGES)
+    assert [
+        told(channel.schema_data, data, channel.schema_name) for channel, data in channels()
+    ] == [""] * len(MESSAGES)
 
 
 @many
@@ -120,7 +58,7 @@ def test_messages_with_any_bytes_are_decoded_or_refused(
     place: int, at: float, piece: bytes, replaced: int, end: int | None
 ) -> None:
     """Tags, lengths, groups and numbers, at any place; or cut."""
-    channel, data = sound()[place]
+    channel, data = channels()[place]
     start = int(at * min(len(data), 300))  # what comes later is pixels
     damaged = (data[:start] + piece + data[start + replaced :])[:end]
     told(channel.schema_data, damaged, channel.schema_name)
@@ -136,7 +74,7 @@ def test_descriptions_with_any_bytes_are_read_or_refused(
     place: int, changes: list[tuple[float, int]], end: float
 ) -> None:
     """Names, types, numbers and dependencies; the messages stay as they are."""
-    channel, data = sound()[place]
+    channel, data = channels()[place]
     damaged = bytearray(channel.schema_data[: int(end * len(channel.schema_data))])
     for at, value in changes:
         if damaged:
@@ -310,7 +248,7 @@ def recording_of(path: Path, channel: Channel, data: bytes) -> None:
 @pytest.mark.parametrize("place", range(len(MESSAGES)))
 def test_a_topic_of_malformed_messages_spoils_no_other(tmp_path: Path, place: int) -> None:
     """It is named with what is wrong; nothing is said of the drive's own topics."""
-    channel, data = sound()[place]
+    channel, data = channels()[place]
     for case in (
         (channel, data[:40] + b"\xff" * 12),
         (replace(channel, schema_data=b"\x0a"), data),
@@ -338,7 +276,7 @@ def test_large_messages_cost_a_gigabyte_and_ten_seconds_at_most(tmp_path: Path, 
     """Whatever they claim."""
     place, make = LARGE[name]
     path = tmp_path / "large.mcap"
-    channel, _ = sound()[place]
+    channel, _ = channels()[place]
     hostile.one_topic(
         path, channel.schema_name, "protobuf", channel.schema_data, "protobuf", make()
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import resource
 import subprocess
 import sys
 from collections.abc import Callable
@@ -12,25 +11,10 @@ from pathlib import Path
 import pytest
 
 from tablemap.config import LimitsConfig
-from tablemap.errors import TablemapError
-from tablemap.recording import inspect, open_recording
+from tablemap.recording import inspect
 from tests.making import hostile
 from tests.making import messages as w
-
-MEMORY = 2**30
-SECONDS = 10
-READ = """
-import sys
-from pathlib import Path
-from tablemap.errors import TablemapError
-from tablemap.recording import open_recording
-try:
-    with open_recording(Path(sys.argv[1])) as recording:
-        print(sum(1 for _ in recording.depth_frames()), sum(1 for _ in recording.scans()))
-        print(*(warning.message for warning in recording.warnings), sep="\\n")
-except TablemapError as error:
-    print(error)
-"""
+from tests.making.bounds import READ, limited, said
 
 Change = dict[str, int | float]
 
@@ -63,25 +47,6 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("sound") / "drive.mcap"
     w.write_drive(path, version=1)
     return path
-
-
-def said(path: Path, limits: LimitsConfig) -> str:
-    """Return all that is said of a recording by `inspect` and when it is read."""
-    words: list[str] = []
-    try:
-        found = inspect(path, limits=limits)
-        words += [*found.missing, *(each.message for each in found.warnings)]
-        words += [topic.problem or "" for topic in found.topics]
-    except TablemapError as error:
-        words.append(str(error))
-    try:
-        with open_recording(path, limits=limits) as recording:
-            list(recording.depth_frames())
-            list(recording.scans())
-            words += [each.message for each in recording.warnings]
-    except TablemapError as error:
-        words.append(str(error))
-    return "\n".join(words)
 
 
 def test_the_defaults_stop_nothing_of_a_sound_recording(drive: Path) -> None:
@@ -180,12 +145,6 @@ def test_memory_of_a_small_message_is_small() -> None:
     found = container.span_messages(container.spans[0], {1})
     assert len(found) == 900_000
     assert sum(1 for _ in container.messages([1])) == 900_000
-
-
-def limited() -> None:
-    """Give a program a gigabyte and ten seconds."""
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
 
 
 @pytest.mark.slow
