@@ -16,7 +16,7 @@ from tablemap.config import ReviewConfig
 from tablemap.errors import ExternalToolError, TablemapError
 from tablemap.model import TableModel
 from tablemap.review import Reviewer
-from tablemap.review.viewer.catalog import served_catalog
+from tablemap.review.viewer.catalog import STREAMS, served_catalog
 from tests.making.command import TABLEMAP
 from tests.making.models import rectangle_model
 from tests.making.run_folders import make_run
@@ -135,3 +135,19 @@ def test_the_command_serves_until_it_is_interrupted(tmp_path: Path) -> None:
     assert (serving.returncode, line["runs"]) == (130, 1)
     assert line["url"] in said
     assert "Traceback" not in said
+
+
+def streams() -> int:
+    """Return how many streams of Rerun this process has, by their threads."""
+    names = (each / "comm" for each in Path("/proc/self/task").iterdir())
+    return sum("RecordingStr" in name.read_text() for name in names)
+
+
+def test_serving_many_runs_keeps_no_threads_for_each(tmp_path: Path) -> None:
+    """Each run's figures are a stream of Rerun of two threads, and there may be 10,000 runs."""
+    for number in range(60):
+        make_run(tmp_path, f"hall/{number:02d}", rectangle_model())
+    before = streams()
+    with served_catalog(tmp_path) as catalog:
+        assert catalog.runs == 60
+        assert streams() <= before + STREAMS

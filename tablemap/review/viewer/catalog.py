@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import rerun as rr
+from rerun_bindings import flush_and_cleanup_orphaned_recordings
 
 from tablemap.archive.index import RunRow, list_runs
 from tablemap.errors import ExternalToolError, TablemapError
@@ -28,6 +29,8 @@ DATASET = "runs"
 FIGURES = "figures"
 """The layer with the figures from the run folders."""
 FLUSH_SECONDS = 30
+STREAMS = 20
+"""Figures' streams after which those that are done with are let go."""
 
 
 @dataclass(frozen=True)
@@ -95,9 +98,12 @@ def _register(dataset: DatasetEntry, folder: Path, rows: Sequence[RunRow], room:
     for row in without.values():
         segments[row.path if row.run in segments else row.run] = row
     layers = {}
-    for segment, row in segments.items():
+    for number, (segment, row) in enumerate(segments.items()):
         file = _write_figures(row, segment, room / row.path / f"{FIGURES}.rrd")
         layers[file.as_uri()] = row
+        if number % STREAMS == 0:
+            # Rerun keeps a stream that is gone, with two threads, until it is told to look.
+            flush_and_cleanup_orphaned_recordings()
     for uri, _, trouble in _registered(dataset, list(layers), layer=FIGURES):
         if trouble is not None:
             notes.append(f"{layers[uri].path}: without its figures: {trouble}")
