@@ -174,10 +174,12 @@ class Reviewer(Closing):
         if self._stream.config.level != "off" or isinstance(result, ALWAYS):
             place(self._stream, result)
             self._warn(result)
-        if isinstance(result, (Segmentation, Registration, TableModel, OtherTable, RunFailed)):
+        # Every layout stays in the file: what the segmentation adds is shown with the registration.
+        if isinstance(result, (Registration, TableModel, OtherTable, RunFailed)):
             self._stream.rec.send_blueprint(blueprint(self._stream.scene))
             if isinstance(result, (TableModel, RunFailed)):
                 self._stream.say_first_view()
+        if isinstance(result, (Segmentation, Registration, TableModel, OtherTable, RunFailed)):
             self._stream.flush()
 
     def _warn(self, result: object) -> None:
