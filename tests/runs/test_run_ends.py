@@ -27,6 +27,8 @@ from tests.making.models import rectangle_model
 from tests.making.quick_run import act_within, make_recording
 from tests.making.run_folders import make_run
 
+FILES = {"run.rrd", "report.html", "results.npz", "table.json", "config.toml", "trajectory.tum"}
+
 
 def only_run(output: Path) -> Path:
     """Return the one run folder of an output with one recording."""
@@ -47,9 +49,8 @@ def test_an_undisturbed_run_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert (outcome.status, outcome.error) == ("ok", None)
     assert outcome.run is not None
     names = {file.name for file in outcome.run.path.iterdir()}
-    files = {"run.rrd", "report.html", "results.npz", "table.json", "config.toml", "trajectory.tum"}
-    assert names == {*files, "manifest.json"}
-    assert set(outcome.run.manifest.files) == files
+    assert names == {*FILES, "manifest.json"}
+    assert set(outcome.run.manifest.files) == FILES
     assert load_run(tmp_path / "runs" / "lap").path == outcome.run.path.resolve()
 
 
@@ -410,9 +411,9 @@ def test_a_full_disk_is_said_within_seconds(
 def test_ten_processes_on_one_output_disturb_each_other_in_nothing(
     demo_recording: Path, tmp_path: Path
 ) -> None:
-    """Ten runs, ten folders, one model; ``latest`` names one of them, and the list has all."""
+    """Ten whole runs, one model; ``latest`` names one of them, and the list has all."""
     output = tmp_path / "runs"
-    command = [*TABLEMAP, "process", demo_recording, "-o", output, "--again", "--review", "off"]
+    command = [*TABLEMAP, "process", demo_recording, "-o", output, "--again"]
     begun = [
         subprocess.Popen(
             [*map(str, command), "--json", "-q"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
@@ -425,6 +426,8 @@ def test_ten_processes_on_one_output_disturb_each_other_in_nothing(
         out, err = process.communicate(timeout=600)
         assert process.returncode == 0, (out, err)
     assert [row.status for row in list_runs(output)] == ["ok"] * 10
+    for folder in output.glob("demo/2*"):
+        assert {file.name for file in folder.iterdir()} == {*FILES, "manifest.json"}
     models = {load_run(row).model.to_json() for row in output.glob("demo/2*")}
     assert len(models) == 1
     assert (output / "demo" / "latest").resolve() in set(output.resolve().glob("demo/2*"))
