@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import resource
+import subprocess
+import sys
 from pathlib import Path
 
 from tablemap.config import LimitsConfig
@@ -11,6 +13,7 @@ from tablemap.recording import inspect, open_recording
 
 MEMORY = 2**30
 SECONDS = 10
+INFO = "from tablemap.cli import main; main()"
 READ = """
 import sys
 from pathlib import Path
@@ -48,3 +51,20 @@ def limited() -> None:
     """Give a program a gigabyte and ten seconds."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
+
+
+def check_bounded(path: Path) -> None:
+    """Fail where `info` or the library takes more than that, or says no sentence of a recording."""
+    for code, arguments in ((INFO, ["info", path]), (READ, [path])):
+        done = subprocess.run(
+            [sys.executable, "-c", code, *map(str, arguments)],
+            capture_output=True,
+            text=True,
+            check=False,
+            preexec_fn=limited,
+            timeout=300,
+        )
+        assert done.returncode in (0, 1), (done.returncode, done.stderr[-500:])
+        assert "Traceback" not in done.stderr, done.stderr[-500:]
+        assert "defect" not in done.stderr
+        assert len(done.stdout) + len(done.stderr) < 300_000

@@ -24,6 +24,7 @@ from tablemap.recording.mcap.container import Container
 from tablemap.recording.messages import DecodingError
 from tests.making import messages as w
 from tests.making.drives import check_drive
+from tests.making.protobuf import laser_scan, png_image, point_cloud, raw_image
 
 
 def encoded(name: str) -> Callable[[w.RosRecorder, int], None]:
@@ -252,16 +253,7 @@ def _foxglove_drive(path: Path, *, form: str) -> None:
                     single.log(transform(stamp, edge), log_time=now)
             edges = [transform(stamp, edge) for edge in w.drive_edges(now)]
             tree.log(fm.FrameTransforms(transforms=edges), log_time=now)
-            scan.log(
-                fm.LaserScan(
-                    timestamp=stamp,
-                    frame_id=w.LASER,
-                    start_angle=-1.5,
-                    end_angle=1.5,
-                    ranges=np.linspace(1, 2, 31).tolist(),
-                ),
-                log_time=now,
-            )
+            scan.log(laser_scan(stamp), log_time=now)
             if tick % 10:
                 continue
             calibration.log(
@@ -276,43 +268,11 @@ def _foxglove_drive(path: Path, *, form: str) -> None:
                 log_time=now,
             )
             if form == "png":
-                encoded.log(
-                    fm.CompressedImage(
-                        timestamp=stamp,
-                        frame_id=w.CAMERA,
-                        data=w.png(w.millimetres()),
-                        format="png",
-                    ),
-                    log_time=now,
-                )
+                encoded.log(png_image(stamp), log_time=now)
             elif form == "cloud":
-                number = fm.PackedElementFieldNumericType.Float32
-                points.log(
-                    fm.PointCloud(
-                        timestamp=stamp,
-                        frame_id=w.CAMERA,
-                        point_stride=12,
-                        fields=[
-                            fm.PackedElementField(name=name, offset=4 * place, type=number)
-                            for place, name in enumerate("xyz")
-                        ],
-                        data=w.cloud().tobytes(),
-                    ),
-                    log_time=now,
-                )
+                points.log(point_cloud(stamp), log_time=now)
             else:
-                image.log(
-                    fm.RawImage(
-                        timestamp=stamp,
-                        frame_id=w.CAMERA,
-                        width=w.WIDTH,
-                        height=w.HEIGHT,
-                        encoding="16UC1",
-                        step=2 * w.WIDTH,
-                        data=w.millimetres().tobytes(),
-                    ),
-                    log_time=now,
-                )
+                image.log(raw_image(stamp), log_time=now)
 
 
 @pytest.mark.parametrize("form", ["raw", "png", "cloud"])
