@@ -118,15 +118,18 @@ def test_the_next_candidate_is_tried(monkeypatch: pytest.MonkeyPatch, stage: str
         assert words in warning.message
 
 
-def test_where_none_gives_a_table_all_places_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first one's failure, and an option for each; a closed front is not tried by itself."""
+def test_where_none_gives_a_table_places_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first one's failure, and an option for each of the likeliest three, so that a person
+    reads the sentence; a closed front is not tried by itself."""
     stages = Stages(monkeypatch, dict.fromkeys([1.0, 2.0, 4.0], "surface"))
     with pytest.raises(EstimationError) as failed:
         process()
     assert stages.tried == [1.0, 2.0, 4.0]
     assert "no surface at 1; no other candidate" in str(failed.value)
-    for x in (1, 2, 3, 4):
+    for x in (1, 2, 3):
         assert f"--near {x}.00 0.50 (0.70 m high)" in str(failed.value)
+    assert "--near 4" not in str(failed.value)
+    assert "and 1 more (tab Views" in str(failed.value)
 
 
 def test_a_second_choice_with_unseen_sides_is_no_table(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -147,6 +150,8 @@ def test_stairs_are_no_table(real_recordings: Path) -> None:
     with pytest.raises(EstimationError) as failed:
         pipeline.process(open_recording(real_recordings / "no_table_stairs.mcap"))
     assert "\n" not in str(failed.value)
+    assert str(failed.value).count("--near") == 3
+    assert len(str(failed.value)) < 600
 
 
 def test_a_place_that_was_asked_for_has_no_second_choice(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,6 +25,7 @@ from tablemap.stages.snapshots import Snapshot
 from tablemap.words import counted
 
 _MOST_CHOICES = 4  # candidates that are tried after the first; each costs as much as that
+_MOST_OPTIONS = 3  # places that a sentence names
 _TIE = 0.7  # of the best candidate's weight: a warning names others with at least this share
 
 
@@ -99,14 +100,19 @@ def choose_next(
 
 
 def none_gave_a_table(failure: EstimationError, candidates: tuple[TableCandidate, ...]) -> str:
-    """Say what failed, and where the candidates are, each as an option of the command line."""
+    """Say what failed, and where the likeliest candidates are, as options of the command line."""
     if len(candidates) == 1:
         return str(failure)
     return f"{failure}; no other candidate gave a table either: {_options(candidates)}"
 
 
 def _options(candidates: Sequence[TableCandidate]) -> str:
-    return ", ".join(f"--near {c.x:.2f} {c.y:.2f} ({c.height:.2f} m high)" for c in candidates)
+    """Name the places of the first candidates, and say how many more there are."""
+    named = ", ".join(
+        f"--near {c.x:.2f} {c.y:.2f} ({c.height:.2f} m high)" for c in candidates[:_MOST_OPTIONS]
+    )
+    more = len(candidates) - _MOST_OPTIONS
+    return f"{named}, and {more} more (tab Views of the run has all)" if more > 0 else named
 
 
 def _second_choice(
@@ -214,9 +220,10 @@ def _choose(
         distances = [float(np.hypot(c.x - near[0], c.y - near[1])) for c in candidates]
         best = int(np.argmin(distances))
         if distances[best] > config.near_distance:
+            nearest = [candidates[k] for k in np.argsort(distances, kind="stable")]
             raise EstimationError(
                 f"Expected a table within {config.near_distance} m of --near {near[0]} {near[1]}, "
-                f"found other candidates: {_options(candidates)}"
+                f"found other candidates: {_options(nearest)}"
             )
         return candidates[best], []
     chosen = candidates[0]
