@@ -28,5 +28,5 @@ def write_overlay(
         log_model(stream, a)
         Tables().log_outcome(stream, OtherTable(1, b))
         stream.text("compared", f"**solid:** {names[0]}\n\n**muted:** {names[1]}")
-        stream.rec.send_blueprint(blueprint(stream.scene))
+        stream.show(blueprint(stream.scene))
         stream.close()

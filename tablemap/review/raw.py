@@ -117,7 +117,7 @@ class _RawLog:
         for what, times in lost.items():
             said = f"{counted(times, 'message')} not shown: {what}"
             self._stream.rec.log("log", rr.TextLog(said, level="WARN"), static=True)
-        self._stream.rec.send_blueprint(self._layout(depth, are_lost=bool(lost)))
+        self._stream.show(self._layout(depth, are_lost=bool(lost)))
 
     def _log(self, topic: str, message: Message, *, is_depth: bool) -> None:
         if isinstance(message, tuple):

@@ -158,7 +158,8 @@ class Reviewer(Closing):
         log_legends(self._stream)
         self._stream.hold()
         self._stream.text("summary", story.running(recording_name))
-        self._stream.rec.send_blueprint(blueprint(self._stream.scene))
+        self._stream.show(blueprint(self._stream.scene))
+        self._has_more_tables = False
         self._stream.flush()
 
     def __call__(self, result: object) -> None:
@@ -174,11 +175,13 @@ class Reviewer(Closing):
         if self._stream.config.level != "off" or isinstance(result, ALWAYS):
             place(self._stream, result)
             self._warn(result)
-        # Every layout stays in the file: what the segmentation adds is shown with the registration.
-        if isinstance(result, (Registration, TableModel, OtherTable, RunFailed)):
-            self._stream.rec.send_blueprint(blueprint(self._stream.scene))
+        # Every layout stays in the file: what the segmentation adds is shown with the registration,
+        # and all tables beside the chosen one together at the end.
+        if isinstance(result, (Registration, TableModel, RunFailed)):
+            self._stream.show(blueprint(self._stream.scene))
             if isinstance(result, (TableModel, RunFailed)):
                 self._stream.say_first_view()
+        self._has_more_tables |= isinstance(result, OtherTable)
         if isinstance(result, (Segmentation, Registration, TableModel, OtherTable, RunFailed)):
             self._stream.flush()
 
@@ -204,4 +207,7 @@ class Reviewer(Closing):
 
     def close(self) -> None:
         """Write the remaining rows and the footer; a second call does nothing."""
+        if self._has_more_tables:
+            self._has_more_tables = False
+            self._stream.show(blueprint(self._stream.scene))
         self._stream.close()

@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import rerun as rr
+import rerun.blueprint as rrb
+import rerun_bindings
 from numpy.typing import NDArray
 
 from tablemap import palette
@@ -25,6 +27,7 @@ from tablemap.recording import FrameNames, Recording
 from tablemap.review.schema import SCHEMA, described
 from tablemap.stages.odometry import Trajectory
 
+APPLICATION = "tablemap"
 FLUSH_SECONDS = 1.0
 STUCK_SECONDS = 20.0
 """A file that has not grown for so long, with rows waiting, grows no more."""
@@ -126,7 +129,7 @@ class Stream:
         self._heavy = 0
         self._open = True
         self._lost = False
-        self.rec = rr.RecordingStream("tablemap", recording_id=run_id)
+        self.rec = rr.RecordingStream(APPLICATION, recording_id=run_id)
         self.rec.set_log_time_enabled(False)
         self.rec.set_log_tick_enabled(False)
         try:
@@ -292,6 +295,25 @@ class Stream:
         columns = rr.Scalars.columns(scalars=np.asarray(values, dtype=np.float64))
         self.rec.send_columns(path, indexes=[times], columns=columns)
 
+    def show(self, layout: rrb.Blueprint) -> None:
+        """Send a layout, which takes the place of earlier ones.
+
+        Rerun's own method leaves a stream in memory for each layout, with two threads: that stream
+        and its rows hold each other. Here it is disconnected, and so let go.
+        """
+        if not self._open:
+            return
+        rows = rr.RecordingStream._from_native(
+            rerun_bindings.new_blueprint(
+                application_id=APPLICATION, make_default=False, make_thread_default=False
+            )
+        )
+        rows.set_time("blueprint", sequence=0)
+        layout._log_to_stream(rows)
+        storage = rows.memory_recording().storage
+        rerun_bindings.send_blueprint(storage, True, True, recording=self.rec.to_native())
+        rows.disconnect()
+
     def flush(self) -> None:
         """Wait until all rows are on the disk.
 
@@ -356,3 +378,6 @@ class Stream:
         self.flush()
         self._open = False
         self.rec.disconnect()
+        # Rerun keeps a stream that is gone, with two threads, until it is told to look.
+        del self.rec
+        rerun_bindings.flush_and_cleanup_orphaned_recordings()

@@ -13,7 +13,7 @@ from rerun.chunk import RrdReader
 
 from tablemap.config import ReviewConfig
 from tablemap.errors import TablemapError
-from tablemap.events import RunFailed, StageStarted
+from tablemap.events import OfTable, OtherTable, RunFailed, StageStarted
 from tablemap.model import TableModel
 from tablemap.pipeline import STAGES
 from tablemap.recording.messages import CompressedImage, Image
@@ -48,6 +48,31 @@ def run() -> list[object]:
 def review(run: list[object], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Their review, at the standard level."""
     return write(tmp_path_factory.mktemp("review") / "run.rrd", run)
+
+
+THREADS = Path("/proc/self/task")
+
+
+@pytest.mark.skipif(not THREADS.is_dir(), reason="counts threads as Linux shows them")
+def test_many_runs_in_one_process_leave_no_threads(tmp_path: Path) -> None:
+    """Ten reviews need no more threads than one, whatever layouts they send."""
+    few = made_up.results(stops=3)
+    write(tmp_path / "0" / "run.rrd", few)
+    after_one = len(list(THREADS.iterdir()))
+    for k in range(1, 10):
+        write(tmp_path / str(k) / "run.rrd", few)
+    assert len(list(THREADS.iterdir())) <= after_one
+
+
+def test_tables_beside_the_chosen_one_share_a_layout(run: list[object], tmp_path: Path) -> None:
+    """Every layout stays in the file: however many tables come, one more is sent, at the end."""
+
+    def layouts(results: list[object], name: str) -> int:
+        return len(RrdReader(write(tmp_path / name / "run.rrd", results)).blueprints())
+
+    alone = layouts([one for one in run if not isinstance(one, (OfTable, OtherTable))], "alone")
+    more = [OtherTable(number, "a front closes the space under it") for number in range(3, 9)]
+    assert layouts([*run, *more], "beside") == alone + 1
 
 
 def rows(path: Path) -> dict[str, int]:
