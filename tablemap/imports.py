@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -56,6 +57,14 @@ def hide_pandas() -> None:
     """
     if not any(isinstance(finder, _HidesPandas) for finder in sys.meta_path):
         sys.meta_path.insert(0, _HidesPandas())
+
+
+def without_pydantic_plugins() -> None:
+    """Let this program's pydantic look for no plugins.
+
+    For its first model it would read what every installed package offers.
+    """
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")
 
 
 class _HidesPandas:

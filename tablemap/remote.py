@@ -10,7 +10,6 @@ from __future__ import annotations
 import io
 import os
 import stat
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import timedelta
@@ -182,6 +181,8 @@ class RangedFile(io.RawIOBase):
         self._end_of_last = -1
         self._ahead = 1
         self._has = bytearray(-(-size // _BLOCK_BYTES))
+        import tempfile
+
         self._fetched = tempfile.TemporaryFile(prefix="tablemap-")  # noqa: SIM115 - as this file
 
     def readable(self) -> bool:

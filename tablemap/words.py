@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import re
 import unicodedata
 from collections.abc import Iterable
@@ -64,6 +63,8 @@ def safe_name(name: str) -> str:
 
 def escape(text: str) -> str:
     """Return a text for HTML and XML, attributes too, without what is no letter."""
+    import html
+
     return html.escape(shown(text))
 
 

@@ -20,7 +20,6 @@ from tablemap.archive.liveness import Writer, is_alive
 from tablemap.archive.manifest import LEAVE_A_MODEL, Manifest, RecordingEntry, Status, versions
 from tablemap.config import Config, load_config
 from tablemap.errors import TablemapError
-from tablemap.events import OtherTable
 from tablemap.files import is_file, is_folder, is_link, read_text, write_whole
 from tablemap.inputs import AnyInput, Input, sha256
 from tablemap.model import TableModel
@@ -29,6 +28,7 @@ from tablemap.remote import is_remote
 from tablemap.words import safe_name
 
 if TYPE_CHECKING:
+    from tablemap.events import OtherTable
     from tablemap.stages.odometry import Trajectory
 
 ADDED = ("exports/", "input/")
@@ -249,6 +249,10 @@ class RunFolder:
         found: dict[int, TableModel | str] = dict(self.manifest.rejected)
         for file in self.table_files[1:]:
             found[int(file.stem)] = TableModel.load(file)
+        if not found:
+            return ()
+        from tablemap.events import OtherTable
+
         return tuple(OtherTable(number, found[number]) for number in sorted(found))
 
     @property
