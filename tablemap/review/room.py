@@ -63,7 +63,6 @@ class Room:
         self._taken = PIL.Image.new("L", (wide + 2 * BORDER, high + 2 * BORDER), 1)
         self._draw = PIL.ImageDraw.Draw(self._taken)
         self._draw.rectangle((BORDER, BORDER, BORDER + wide, BORDER + high), fill=0)
-        self._sums: NDArray[np.int64] | None = None
 
     def copy(self) -> Room:
         """Return another room with the same things in it."""
@@ -77,13 +76,11 @@ class Room:
         hull = shapely.MultiPoint(self._on_picture(np.concatenate(levels))).convex_hull
         if hull.geom_type == "Polygon":
             self._draw.polygon([tuple(one) for one in hull.exterior.coords], fill=1)
-            self._sums = None
 
     def take_line(self, points: NDArray[np.floating], *, width: int = 3) -> None:
         """Take the room of a line (n, 3)."""
         places = self._on_picture(np.asarray(points, dtype=np.float64))
         self._draw.line([tuple(one) for one in places], fill=1, width=width)
-        self._sums = None
 
     def place(self, text: str, anchor: Floats, *, away: Floats, keeps: bool = True) -> Floats:
         """Return the place (3,) near ``anchor`` (3,), level with it, at which a label is clear.
@@ -110,23 +107,22 @@ class Room:
         if keeps:
             low, high = (middle[best] - half + BORDER, middle[best] + half + BORDER)
             self._draw.rectangle((*low, *high), fill=1)
-            self._sums = None
         return np.asarray(places[best])
 
     def _on_picture(self, points: Floats) -> Floats:
         return self.eye.pixels(points, self._size)[0] + BORDER
 
-    def _count(self, low: Floats, high: Floats) -> NDArray[np.int64]:
+    def _count(self, low: Floats, high: Floats) -> NDArray[np.int32]:
         """Return how many pixels are taken between corners (..., 2)."""
-        if self._sums is None:
-            taken = np.asarray(self._taken, dtype=np.int64)
-            self._sums = np.pad(taken.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
-        wide, high_ = self._taken.size
-        a, b = (np.clip(np.rint(one + BORDER).astype(int), 0, (wide, high_)) for one in (low, high))
-        sums = self._sums
-        return np.asarray(
-            sums[b[..., 1], b[..., 0]]
-            - sums[a[..., 1], b[..., 0]]
-            - sums[b[..., 1], a[..., 0]]
-            + sums[a[..., 1], a[..., 0]]
-        )
+        corners = np.rint(np.stack([low, high]) + BORDER).astype(int)
+        corners = np.clip(corners, 0, self._taken.size)
+        # Sums over the part that the corners span: the whole picture is ten times as much.
+        flat = corners.reshape(-1, 2)
+        first, last = flat.min(axis=0), flat.max(axis=0)
+        taken = np.asarray(self._taken.crop((*first.tolist(), *last.tolist())))
+        sums = np.pad(taken.cumsum(axis=0, dtype=np.int32), ((1, 0), (1, 0)))
+        sums = sums.cumsum(axis=1, dtype=np.int32)
+        (left, above), (right, below) = np.moveaxis(corners - first, -1, 1)
+        counts: NDArray[np.int32] = sums[below, right] - sums[above, right]
+        counts += sums[above, left] - sums[below, left]
+        return counts
