@@ -22,6 +22,7 @@ from tablemap.recording.judgement import Sample, judged, sampled, spread
 from tablemap.recording.messages import CameraInfo, CompressedImage, DecodingError, Image
 from tablemap.recording.pose_topics import read_poses
 from tablemap.recording.raw import Source
+from tablemap.recording.recent import RecentScans
 from tablemap.recording.robots import placed
 from tablemap.recording.roles import Roles, find_roles, implied_transforms, missing_roles
 from tablemap.recording.sensor_clocks import (
@@ -85,6 +86,7 @@ class Recording(SensorStreams):
         self._pose_stamps = pose_stamps(self.tree, self.names.fixed, self.names.carrier)
         self.start_ns, self.end_ns = self._span()
         self._unseen = self._learnt_unseen()
+        self._recent = RecentScans()  # from here on scans come out as they stay
         self.names = self._names_without_silent_laser()
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from heapq import merge
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +23,7 @@ from tablemap.recording.messages import (
     Image,
     LaserScan,
 )
+from tablemap.recording.recent import RecentScans
 from tablemap.recording.rectification import Rectification
 from tablemap.recording.robot_poses import RobotPoses
 from tablemap.recording.roles import Roles
@@ -67,6 +69,7 @@ class SensorStreams(RobotPoses):
     _meaning: DepthMeaning
     _pose_stamps: Stamps
     _unseen: Unseen | None = None
+    _recent: RecentScans | None = None
 
     def __init__(self, warnings: list[ProcessWarning]) -> None:
         self.warnings = warnings
@@ -195,6 +198,18 @@ class SensorStreams(RobotPoses):
         first = 0 if start_ns is None else int(np.searchsorted(due.stamps_ns, start_ns))
         last = None if end_ns is None else int(np.searchsorted(due.stamps_ns, end_ns, "right"))
         due = Stamped(due.stamps_ns[first:last], due.log_times_ns[first:last])
+        if self._recent is None:
+            yield from self._read_scans(due)
+            return
+        held = self._recent.at(due.stamps_ns)
+        missing = only(due, np.setdiff1d(due.stamps_ns, np.array([*held], dtype=np.int64)))
+        for scan in merge(held.values(), self._read_scans(missing), key=lambda s: s.stamp_ns):
+            if scan.stamp_ns not in held:
+                self._recent.keep(scan)
+            yield scan
+
+    def _read_scans(self, due: Stamped) -> Iterator[LaserScan]:
+        assert self.roles.laser is not None
         for message in self._channels.in_order(self.roles.laser, due):
             assert isinstance(message, LaserScan)
             scan = sweep_that_can_be(message)
