@@ -84,19 +84,46 @@ def other_entry(
     }
 
 
-def outcome_rows(
-    outcomes: list[Outcome], address: Callable[[Path], str] = str
-) -> Iterator[tuple[str, ...]]:
-    """Return a table of outcomes, its header first."""
-    from tablemap.archive.index import figures_of
+class Ends:
+    """How recordings ended, in words: the models of thousands would fill the memory.
 
-    yield ("recording", "status", "shape", "size", "height", "verdict", "run")
-    for outcome in outcomes:
-        model, run = outcome.model, address(outcome.run.path) if outcome.run else ""
+    - ``rows``: a table of outcomes, its header first
+    - ``lines``: the tables beside the chosen ones, then why models are not good
+    - ``code``: the exit code
+    """
+
+    def __init__(self, *, strict: bool, address: Callable[[Path], str] = str) -> None:
+        self.rows = [("recording", "status", "shape", "size", "height", "verdict", "run")]
+        self._strict, self._address = strict, address
+        self._others: list[str] = []
+        self._doubts: list[str] = []
+        self._codes: set[int] = set()
+
+    def add(self, outcome: Outcome) -> None:
+        """Take how one more recording ended."""
+        from tablemap.archive.index import figures_of
+        from tablemap.model.summary import doubts
+
+        model, name = outcome.model, outcome.recording.name
+        run = self._address(outcome.run.path) if outcome.run else ""
         figures = figures_of(model) if model else {}
         shape, verdict = (model.surface.shape, model.verdict.level) if model else ("", "")
         size, height = size_text(shape, figures), metres_text(figures.get("height"))
-        yield (outcome.recording.name, outcome.status, shape, size, height, verdict, run)
+        self.rows.append((name, outcome.status, shape, size, height, verdict, run))
+        self._others += (f"{name}, {other}: {text}" for other, text in other_rows(outcome.others))
+        if model and verdict != "good":
+            self._doubts.append(f"{name} is {verdict} because: {' '.join(doubts(model))}")
+        self._codes.add(_code(outcome, strict=self._strict))
+
+    @property
+    def lines(self) -> list[str]:
+        """What is said below the table."""
+        return self._others + self._doubts
+
+    @property
+    def code(self) -> int:
+        """See `exit_code`."""
+        return _worst(self._codes)
 
 
 def exit_code(outcomes: Iterable[Outcome], *, strict: bool) -> int:
@@ -104,30 +131,20 @@ def exit_code(outcomes: Iterable[Outcome], *, strict: bool) -> int:
 
     Else 3 where one was read only in part, and 0 where all is well.
     """
-    known = list(outcomes)
-    statuses = {outcome.status for outcome in known}
-    if "failed" in statuses:
+    return _worst(_code(outcome, strict=strict) for outcome in outcomes)
+
+
+def _code(outcome: Outcome, *, strict: bool) -> int:
+    if outcome.status == "failed":
         return 1
-    if strict and any(outcome.model and outcome.model.verdict.level != "good" for outcome in known):
+    if strict and outcome.model and outcome.model.verdict.level != "good":
         return 4
-    return 3 if "partial" in statuses else 0
+    return 3 if outcome.status == "partial" else 0
 
 
-def doubt_lines(outcomes: Iterable[Outcome]) -> Iterator[str]:
-    """Return a line for each recording whose model is not good: why that is so."""
-    from tablemap.model.summary import doubts
-
-    for outcome in outcomes:
-        if outcome.model and outcome.model.verdict.level != "good":
-            why = " ".join(doubts(outcome.model))
-            yield f"{outcome.recording.name} is {outcome.model.verdict.level} because: {why}"
-
-
-def other_lines(outcomes: Iterable[Outcome]) -> Iterator[str]:
-    """Return a line for each table beside the chosen ones: what it is, or why it is none."""
-    for outcome in outcomes:
-        for name, text in other_rows(outcome.others):
-            yield f"{outcome.recording.name}, {name}: {text}"
+def _worst(codes: Iterable[int]) -> int:
+    found = set(codes)
+    return next((code for code in (1, 4, 3) if code in found), 0)
 
 
 def size_text(shape: str | None, figures: dict[str, float]) -> str:

@@ -15,13 +15,10 @@ from tablemap import words
 from tablemap.cli import completing
 from tablemap.cli.options import ConfigFile, End, Quiet, Settings, Start, Strict, window
 from tablemap.cli.printing import (
+    Ends,
     aligned,
     complain,
-    doubt_lines,
-    exit_code,
-    other_lines,
     outcome_line,
-    outcome_rows,
     print_left,
     print_model,
     say,
@@ -126,16 +123,16 @@ def process(
         from tablemap.export import check_formats
 
         check_formats(formats)
-    outcomes = []
     complete = True
     paths = expand(recordings, together=together)
     many = _many(scheduler, jobs)
     with destination(output) as place:
         if scheduler and place.is_remote:
             raise typer.BadParameter("--scheduler needs an --output that its workers can see.")
+        ends = Ends(strict=strict, address=place.address)
         job = Job(place.folder, resolved, follow=_follow(live=live))
         for outcome in _outcomes(paths, job, many, again=again, quiet=quiet):
-            outcomes.append(outcome)
+            ends.add(outcome)
             run = outcome.run.path if outcome.run else None
             if outcome.model and run and formats:
                 complete &= _export_processed(run, formats, resolved, quiet=quiet)
@@ -149,10 +146,10 @@ def process(
                 shown = place.address(run) if place.is_remote else run
                 _print_outcome(outcome, shown, as_json=as_json)
     if len(paths) > 1 and not quiet:
-        say(aligned(outcome_rows(outcomes, place.address)), err=as_json)
-        for line in (*other_lines(outcomes), *doubt_lines(outcomes)):
+        say(aligned(ends.rows), err=as_json)
+        for line in ends.lines:
             say(line, err=as_json)
-    raise typer.Exit(exit_code(outcomes, strict=strict) if complete else 1)
+    raise typer.Exit(ends.code if complete else 1)
 
 
 def _print_outcome(outcome: Outcome, run: Path | str, *, as_json: bool) -> None:

@@ -218,11 +218,11 @@ class _Running:
                     observe(event)
 
             try:
-                recording = open_recording(
+                with open_recording(
                     self._recording, topics=config.topics, limits=config.limits
-                )
-                record(recording)
-                return process(recording, config=config, tables=tables, record=record)
+                ) as recording:
+                    record(recording)
+                    return process(recording, config=config, tables=tables, record=record)
             except BaseException as error:
                 with suppress(TablemapError):  # where the review itself is what failed
                     record(RunFailed(self.stage, str(error) or type(error).__name__))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import weakref
 from pathlib import Path
 
 import pytest
 
 from tablemap import model as m
-from tablemap.cli.printing import exit_code
+from tablemap.cli.printing import Ends, exit_code
 from tablemap.events import OtherTable
 from tablemap.inputs import Input
 from tablemap.runs import running
@@ -162,3 +163,15 @@ def test_json_has_all_tables(with_all: Path) -> None:
         assert m.TableModel.load(with_all / first["model"]).to_json() == BESIDE.to_json()
         assert (first["verdict"], first["figures"]["height"]) == ("good", 0.45)
         assert second == {"number": 2, "model": None, "error": WHY_NONE}
+
+
+def test_how_recordings_ended_is_kept_without_their_models() -> None:
+    """Thousands are processed by one command."""
+    outcome = Outcome(Input.of("lap.mcap"), None, "ok", None, DOUBTFUL)
+    held = weakref.ref(outcome)
+    ends = Ends(strict=True)
+    ends.add(outcome)
+    del outcome
+    assert held() is None
+    assert (ends.code, len(ends.rows), len(ends.lines)) == (4, 2, 1)
+    assert "lap.mcap is doubtful because" in ends.lines[0]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import threading
 from pathlib import Path
 
 import pytest
@@ -10,8 +12,10 @@ from tablemap.archive import load_run
 from tablemap.config import Config, load_config
 from tablemap.errors import ConfigError
 from tablemap.runs import Job, done_already, expand, process_many
+from tablemap.runs.running import run
 from tests.making.acting import Acted
 from tests.making.models import rectangle_model
+from tests.making.quick_run import act_within, make_recording
 from tests.making.run_folders import make_run
 
 
@@ -107,3 +111,26 @@ def test_failures_and_deaths_stay_alone(tmp_path: Path) -> None:
     for name, expected in (("deadly", ["interrupted"] * 2), ("once", ["interrupted", "ok"])):
         runs = [run for run in (tmp_path / "runs" / name).iterdir() if not run.is_symlink()]
         assert sorted(load_run(run).manifest.status for run in runs) == expected
+
+
+def test_runs_leave_no_thread_and_no_open_file_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However many one process does, and before anybody collects garbage."""
+    act_within(monkeypatch, lambda: None)
+    file = make_recording(tmp_path)
+    there = []
+    gc.disable()
+    try:
+        for _ in range(6):
+            assert run(file, output=tmp_path / "runs").status == "ok"
+            there.append((threading.active_count(), _open_files(tmp_path)))
+    finally:
+        gc.enable()
+    assert there[-1] == there[1]
+
+
+def _open_files(folder: Path) -> list[str]:
+    """Return which files below a folder this process has open (on Linux)."""
+    files = [link.readlink() for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
+    return [str(file) for file in files if file.is_relative_to(folder)]
