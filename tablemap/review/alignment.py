@@ -1,4 +1,4 @@
-"""Drawings of the registration: pairs, their iterations, the pose graph, before and after."""
+"""Drawings of the registration: pairs, the pose graph, before and after."""
 
 from __future__ import annotations
 
@@ -9,20 +9,18 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from tablemap import palette
-from tablemap.geometry import Floats, Pose2, transform
+from tablemap.geometry import Pose2, transform
 from tablemap.review import colours, text
 from tablemap.review.clouds import raised
 from tablemap.review.current import camera_of_stop
 from tablemap.review.eyes import stops_eye
+from tablemap.review.matrix import log_matrix, tints, told
 from tablemap.review.motion import log_correction, log_trajectory
 from tablemap.review.pairs import Pairs
 from tablemap.review.room import LOW, Room
-from tablemap.review.stream import FEW_STOPS, DrawnScene, Stream
+from tablemap.review.stream import FEW_STOPS, Stream
 from tablemap.stages.registration import Pair, Registration, StopScan
 
-GRAPH_PIXELS_PER_METRE = 160.0
-RESIDUAL_LIMIT = 0.02
-NAME_ASIDE = (0.0, 24.0)  # pixels
 WORST_PAIRS = 12  # that are always shown
 MANY_SHARE = 0.4
 BASE_ARROW = 0.25
@@ -34,6 +32,7 @@ class Alignment:
 
     def __init__(self) -> None:
         self.pairs = Pairs()
+        self._registration: Registration | None = None
 
     def log_as_far_as_it_came(self, stream: Stream) -> None:
         """Draw the stops at their localised poses, for a run that ended before registration."""
@@ -41,6 +40,7 @@ class Alignment:
         if "registration" not in stream.scene.reached and stops:
             stream.hold()
             _log_stops(stream, "registration/localised_stops", stops, (True,) * len(stops))
+            _log_names(stream, "registration/localised_stops", stops, (True,) * len(stops), ())
             self.pairs.log(stream, (), stops)
 
     def log_stop_scan(self, stream: Stream, scan: StopScan) -> None:
@@ -80,10 +80,41 @@ class Alignment:
         _log_bases(stream, registration)
         _log_way_of_cameras(stream, registration)
         _log_pairs(stream, registration)
-        _log_graph(stream, registration)
+        log_matrix(stream, registration)
         _log_residuals(stream, registration)
         _log_dropped(stream, registration)
+        self._registration = registration
+        self.log_names(stream)
         self.pairs.log(stream, text.worst_first(registration), poses)
+
+    def log_names(self, stream: Stream) -> None:
+        """Name the stops in both views of the registration, clear of what these show.
+
+        Called again at the end, when the table's place is known, and with it the views' eye.
+        """
+        done, scene = self._registration, stream.scene
+        if done is None:
+            return
+        stream.hold()
+        scans = {scan.index: scan.points for scan in done.stop_scans}
+        ends = _eyes(stream, done.map_from_base)
+        shown = [p for p in done.pairs if scene.best in (p.source, p.target)]
+        shown += text.worst_first(done)[:WORST_PAIRS]
+        lines = [ends[[pair.target, pair.source]] for pair in shown]
+        for path, poses, between in (
+            ("registration/localised_stops", scene.localised, []),
+            ("registration/stops", done.map_from_base, lines),
+        ):
+            drawn: list[NDArray[np.floating]] = [
+                poses[index].apply(points)
+                for cloud in (scene.tops, scene.clutter)
+                for index, points in cloud.items()
+            ]
+            drawn += [
+                raised(poses[index].apply(points), scene.laser_height)
+                for index, points in scans.items()
+            ]
+            _log_names(stream, path, poses, done.used, drawn, lines=between)
 
 
 def _log_stop_scan(stream: Stream, moment: str, scan: StopScan, pose: Pose2) -> None:
@@ -100,40 +131,55 @@ def _log_stop_scan(stream: Stream, moment: str, scan: StopScan, pose: Pose2) -> 
 def _log_stops(stream: Stream, path: str, poses: Sequence[Pose2], used: tuple[bool, ...]) -> None:
     """Draw each stop's camera as a small pyramid with its number, grey if it was not used."""
     is_few = len(poses) <= FEW_STOPS
-    strips, tints, labels = [], [], []
+    strips, colours_of, labels = [], [], []
     for index, pose in enumerate(poses[: len(stream.scene.cameras)]):
         share = 1.0 if is_few else MANY_SHARE
         strips.append(camera_of_stop(stream.scene, index, pose, share=share))
-        tints.append(colours.of_stop(index) if used[index] else palette.LEFT_OUT.on_dark)
-        labels.append(str(index) if used[index] else f"{index} (not used)")
+        colours_of.append(colours.of_stop(index) if used[index] else palette.LEFT_OUT.on_dark)
+        labels.append(_name(index, is_used=used[index]))
     if strips:
         stream.log(
             path,
             rr.LineStrips3D(
                 strips,
-                colors=tints,
+                colors=colours_of,
                 radii=rr.Radius.ui_points(1.5 if is_few else 1.0),
                 labels=labels,
                 show_labels=False,
             ),
         )
-        places = _beside(stream.scene, strips, labels) if is_few else [one[-1] for one in strips]
-        stream.names(f"{path}/names", places, labels, shown=is_few)
 
 
-def _beside(
-    scene: DrawnScene, cameras: Sequence[NDArray[np.float32]], labels: Sequence[str]
-) -> list[Floats]:
-    """Return where the stops' names are clear of their cameras, away from the table."""
+def _log_names(
+    stream: Stream,
+    path: str,
+    poses: Sequence[Pose2],
+    used: Sequence[bool],
+    drawn: Sequence[NDArray[np.floating]],
+    *,
+    lines: Sequence[NDArray[np.floating]] = (),
+) -> None:
+    """Name the stops beside their cameras, clear of points (n, 3) and lines, off the table."""
+    scene = stream.scene
+    is_few = len(poses) <= FEW_STOPS
+    cameras = [camera_of_stop(scene, k, pose) for k, pose in enumerate(poses[: len(scene.cameras)])]
+    if not cameras:
+        return
+    labels = [_name(k, is_used=used[k]) for k in range(len(cameras))]
+    tips = np.array([line[-1] for line in cameras], dtype=np.float64)
     room = Room(stops_eye(scene), LOW)
-    for line in cameras:
+    if is_few:
+        room.take_points(np.concatenate([np.zeros((0, 3)), *drawn]))
+    for line in (*cameras, *lines):
         room.take_line(line, width=5)
-    tips = [line[-1].astype(np.float64) for line in cameras]
-    centre = np.array(scene.centre or np.mean(tips, axis=0)[:2])
-    return [
-        room.place(label, tip, away=tip[:2] - centre)
-        for label, tip in zip(labels, tips, strict=True)
-    ]
+    centre = np.array(scene.centre or tips[:, :2].mean(axis=0))
+    shown = labels if is_few else [""] * len(labels)
+    placed = room.names(shown, tips, away=tips[:, :2] - centre)
+    stream.names(f"{path}/names", placed.places, labels, shown=is_few, leaders=placed.leaders)
+
+
+def _name(index: int, *, is_used: bool) -> str:
+    return str(index) if is_used else f"{index} (not used)"
 
 
 def _log_bases(stream: Stream, registration: Registration) -> None:
@@ -192,9 +238,9 @@ def _log_pairs(stream: Stream, registration: Registration) -> None:
             f"registration/graph_in_map/{kind}_{'used' if used else 'dropped'}",
             rr.LineStrips3D(
                 [eyes[[p.target, p.source]] for p in pairs],
-                colors=_tints(registration, pairs) if used else [palette.LEFT_OUT.on_dark],
+                colors=tints(registration, pairs),
                 radii=rr.Radius.ui_points(0.7),
-                labels=[_told(registration, pair) for pair in pairs],
+                labels=[told(registration, pair) for pair in pairs],
                 show_labels=False,
             ),
         )
@@ -221,29 +267,13 @@ def _lines(
     registration: Registration, pairs: list[Pair], eyes: NDArray[np.float32]
 ) -> rr.LineStrips3D:
     """Return the pairs as lines, by how well the registered poses agree with them."""
-    tints = _tints(registration, pairs)
-    tints[[not pair.used for pair in pairs]] = palette.LEFT_OUT.on_dark
     return rr.LineStrips3D(
         [eyes[[p.target, p.source]] for p in pairs],
-        colors=tints,
+        colors=tints(registration, pairs),
         radii=rr.Radius.ui_points(1.0),
-        labels=[_told(registration, pair) for pair in pairs],
+        labels=[told(registration, pair) for pair in pairs],
         show_labels=False,
     )
-
-
-def _told(registration: Registration, pair: Pair) -> str:
-    """Return what a pair's line says on hovering."""
-    name = f"{pair.source} to {pair.target}, {pair.kind}"
-    if not pair.used:
-        return f"{name}: {pair.reason}"
-    return f"{name}: off by {1000 * text.pair_residual(registration, pair):.1f} mm"
-
-
-def _tints(registration: Registration, pairs: list[Pair]) -> NDArray[np.uint8]:
-    """Return the pairs' colours (n, 3), by their residuals at the registered poses."""
-    residuals = [text.pair_residual(registration, pair) for pair in pairs]
-    return colours.severity(np.array(residuals), RESIDUAL_LIMIT)
 
 
 def _eyes(stream: Stream, poses: Sequence[Pose2]) -> NDArray[np.float32]:
@@ -266,47 +296,6 @@ def _log_dropped(stream: Stream, registration: Registration) -> None:
         message = f"{pair.kind} pair {pair.source} to {pair.target} dropped: {pair.reason}"
         stream.log_flat("log", rr.TextLog(message, level="INFO"))
     stream.hold()
-
-
-def _log_graph(stream: Stream, registration: Registration) -> None:
-    """Draw stops as nodes coloured by their pairs' residuals, and the used pairs as edges."""
-    if not registration.map_from_base:
-        return
-    places = np.array([pose.translation for pose in registration.map_from_base])
-    places = (places - places.mean(axis=0)) * GRAPH_PIXELS_PER_METRE
-    left: dict[int, list[float]] = {}
-    for pair in registration.pairs:
-        if pair.used:
-            for index in (pair.source, pair.target):
-                left.setdefault(index, []).append(text.pair_residual(registration, pair))
-    mean = [float(np.mean(left.get(i, [np.nan]))) for i in range(len(places))]
-    tints = colours.severity(np.array(mean), RESIDUAL_LIMIT)
-    tints[~np.array(registration.used, dtype=bool)] = palette.LEFT_OUT.on_dark
-    stream.log_flat(
-        "registration/graph",
-        rr.GraphNodes(
-            node_ids=[str(i) for i in range(len(places))],
-            positions=places * np.array([1.0, -1.0]),
-            colors=tints,
-            radii=[9.0] * len(places),
-            show_labels=False,
-        ),
-        rr.GraphEdges(
-            edges=[(str(p.target), str(p.source)) for p in registration.pairs if p.used],
-            graph_type="undirected",
-        ),
-    )
-    named = list(range(0, len(places), -(-len(places) // FEW_STOPS)))
-    # A node without a colour has its label in the theme's colour of text.
-    stream.log_flat(
-        "registration/graph/names",
-        rr.GraphNodes(
-            node_ids=[f"stop {i}" for i in named],
-            positions=(places[named] + NAME_ASIDE) * np.array([1.0, -1.0]),
-            labels=[str(i) for i in named],
-            show_labels=True,
-        ),
-    )
 
 
 def _log_residuals(stream: Stream, registration: Registration) -> None:

@@ -56,11 +56,14 @@ def _overview(scene: DrawnScene) -> rrb.Container:
         "/stop/**",
     ]
     for number in scene.tables:
-        shown += [f"/tables/{number:02d}/model/{part}/**" for part in ("top", "legs")]
+        below = f"/tables/{number:02d}"
+        shown += [f"{below}/model/top/**", f"{below}/model/legs/**", f"{below}/name/**"]
     if len(scene.localised) <= FEW_STOPS:
         shown.append("/registration/after/clutter/**")
     if "legs" not in scene.reached or scene.failed:
         shown += ["/segmentation/candidates/**", "/trajectory/localised"]
+    if scene.failed:  # the names stand clear for this view's own eye
+        shown += [f"- /segmentation/candidates/{which}/names/**" for which in ("chosen", "others")]
     if "legs" not in scene.reached:
         shown += ["/registration/after/**", "/outline/edges/table/**", "/surface/chosen/**"]
     if "registration" not in scene.reached:

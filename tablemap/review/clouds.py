@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 from tablemap.geometry import Floats
 
 
-def thinned(points: Floats, cell: float) -> NDArray[np.float32]:
+def thinned(points: NDArray[np.floating], cell: float) -> NDArray[np.float32]:
     """Keep one of the finite points (n, 2) or (n, 3) in each cell (metres)."""
     kept = np.asarray(points)[np.isfinite(points).all(axis=1)]
     if len(kept) == 0:
-        return kept.astype(np.float32)
+        return np.asarray(kept, dtype=np.float32)
     cells = np.floor((kept - kept.min(axis=0)) / cell).astype(np.int64)
     size = cells.max(axis=0) + 1
     keys = np.ravel_multi_index(tuple(cells.T), tuple(size))
     _, first = np.unique(keys, return_index=True)
-    return kept[np.sort(first)].astype(np.float32)
+    return np.asarray(kept[np.sort(first)], dtype=np.float32)
 
 
 def raised(points: NDArray[np.floating], height: float) -> NDArray[np.float32]:

@@ -12,12 +12,15 @@ from tablemap import palette
 from tablemap.geometry import Pose2, transform
 from tablemap.review import colours
 from tablemap.review.clouds import raised
+from tablemap.review.eyes import overview_eye
+from tablemap.review.room import Eye
 from tablemap.review.stream import DrawnScene, Stream
 from tablemap.stages.registration import Registration
 
 DEPTH_SHARE = 0.28  # of the table's reach
 LEAST_DEPTH, MOST_DEPTH = 0.05, 0.2  # metres
-LARGER = 1.8  # than the other stops' cameras
+LARGER = 1.5  # than the other stops' cameras
+MOST_PX = 40.0  # of the current stop's camera in the picture of the first view
 
 
 def camera_of_stop(
@@ -33,6 +36,14 @@ def camera_of_stop(
     spokes = [point for corner in corners for point in (corner, tip)]
     ring = [*corners, corners[0]]
     return transform(pose.lifted(), np.array([*ring, *spokes])).astype(np.float32)
+
+
+def current_camera(scene: DrawnScene, index: int, pose: Pose2, *, eye: Eye) -> NDArray[np.float32]:
+    """Return the camera of the stop at the cursor: larger than the others', small for its eye."""
+    line = camera_of_stop(scene, index, pose, share=LARGER)
+    pixels, _ = eye.pixels(line.astype(np.float64))
+    share = min(1.0, MOST_PX / max(float(np.ptp(pixels, axis=0).max()), 1e-9))
+    return camera_of_stop(scene, index, pose, share=share * LARGER)
 
 
 def log_localised_stops(stream: Stream) -> None:
@@ -65,15 +76,16 @@ def log_registered_stops(stream: Stream, registration: Registration) -> None:
 
 def _log_cameras(stream: Stream, poses: Sequence[Pose2], used: Sequence[bool]) -> None:
     scene = stream.scene
+    eye = overview_eye(scene)
     for index, pose in enumerate(poses[: len(scene.cameras)]):
-        line = camera_of_stop(scene, index, pose, share=LARGER)
+        line = current_camera(scene, index, pose, eye=eye)
         stream.at_stop(scene.stamps_ns[index], index)
         stream.log(
             "stop/camera",
             rr.LineStrips3D(
                 [line],
                 colors=[colours.of_stop(index) if used[index] else palette.LEFT_OUT.on_dark],
-                radii=rr.Radius.ui_points(3.0),
+                radii=rr.Radius.ui_points(2.5),
             ),
         )
         stream.names("stop/camera/names", line[-1:], [name_of(index, is_used=used[index])])

@@ -57,13 +57,12 @@ def log_dimensions(
     )
     for line in lines:
         room.take_line(line, width=LINE_PX)
+    for line in extensions:
+        room.take_line(line)
     centre = np.array([model.surface.pose.x, model.surface.pose.y])
-    middles = [line.mean(axis=0) for line in lines]
-    places = [
-        room.place(label, middle, away=middle[:2] - centre)
-        for label, middle in zip(labels, middles, strict=True)
-    ]
-    stream.names("model/dimensions/names", places, labels)
+    middles = np.array([line.mean(axis=0) for line in lines])
+    placed = room.names(labels, middles, away=middles[:, :2] - centre)
+    stream.names("model/dimensions/names", placed.places, labels, leaders=placed.leaders)
     if extensions:
         stream.log(
             "model/dimensions/extensions",

@@ -10,8 +10,10 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from tablemap import palette
+from tablemap.geometry import Floats, transform
+from tablemap.review.clouds import raised
 from tablemap.review.pairs import FRAME
-from tablemap.review.room import Eye
+from tablemap.review.room import LOW, Eye, Size
 from tablemap.review.stream import DrawnScene
 
 ROUND = 2.3
@@ -31,6 +33,10 @@ FARTHEST = 9.0
 BESIDE = 0.2  # metres: the numbers beside the table
 EYE_ASIDE = 0.3  # radians from straight before the table, so that two of its sides are visible
 MOST_ASIDE = 0.9
+FITTING = 8  # steps that fit an eye to what it should show
+FILLED = 0.76  # of a picture's width or height: the rest is for names
+CAMERA = 0.2  # metres, depth of a stop's camera as drawn
+MOST_OF_TOP = 0.9  # of its reach: its outline lies within
 
 GRID = (90, 90, 96, 90)
 
@@ -41,8 +47,51 @@ Overrides = dict[Any, Override]
 
 def overview_eye(scene: DrawnScene) -> Eye:
     """Return the eye of the first view: of the whole table and the stops round it."""
+    return _overview_eye(scene, between_stops(scene))
+
+
+def _fitted(scene: DrawnScene, eye: Eye, size: Size) -> Eye:
+    """Return an eye that looks the same way, moved so that table and stops fill the picture.
+
+    Stops farther away than others are where a view of all would show too little are left out.
+    """
+    around = _around(scene)
+    for _ in range(FITTING):
+        pixels, _ = eye.pixels(around, size)
+        low, high = pixels.min(axis=0), pixels.max(axis=0)
+        middle = np.array(eye.target)
+        aside = eye.beside(middle, (low + high) / 2 - np.array(size) / 2, size) - middle
+        back = np.subtract(eye.position, eye.target)
+        # On the level of the target: what lies above the middle of the picture is farther away.
+        ahead = aside - back * (aside[2] / back[2])
+        share = float(np.max((high - low) / (FILLED * np.array(size))))
+        target = middle + ahead
+        eye = Eye(_triple(target + share * back), _triple(target))
+    return eye
+
+
+def _triple(point: Floats) -> tuple[float, float, float]:
+    return float(point[0]), float(point[1]), float(point[2])
+
+
+def _around(scene: DrawnScene) -> Floats:
+    """Return points (n, 3) that a view of table and stops should show."""
+    turns = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
+    ring = np.column_stack([np.cos(turns), np.sin(turns)])
+    centre = np.array(scene.centre or _middle(scene))
+    table = raised(centre + (scene.extent + BESIDE) * ring, scene.height)
+    bases = np.array([pose.translation for pose in scene.localised]).reshape(-1, 2)
+    cameras = _cameras(scene)[:, 0]
+    points = np.concatenate([raised(bases, scene.floor_z), cameras, table])
+    away = np.linalg.norm(points[:, :2] - centre, axis=1)
+    if scene.centre is not None:
+        points = points[away <= FARTHEST * scene.extent]
+    return points.astype(np.float64)
+
+
+def _overview_eye(scene: DrawnScene, aside: float) -> Eye:
     reach = max(ROUND * _surround(scene), WHOLE * scene.extent)
-    return _eye(scene, _middle(scene), reach, STEEPNESS, between_stops(scene))
+    return _eye(scene, _middle(scene), reach, STEEPNESS, aside)
 
 
 def table_eye(scene: DrawnScene) -> Eye:
@@ -57,7 +106,7 @@ def views_eye(scene: DrawnScene) -> Eye:
 
 def stops_eye(scene: DrawnScene) -> Eye:
     """Return the eye of the registration: all stops, almost from above."""
-    return _eye(scene, _middle(scene), ROUND * _surround(scene, FARTHEST), 4.0)
+    return _fitted(scene, _eye(scene, _middle(scene), ROUND * _surround(scene, FARTHEST), 4.0), LOW)
 
 
 def edges_eye(scene: DrawnScene) -> Eye:
@@ -89,7 +138,11 @@ def of_pairs(scene: DrawnScene, name: str) -> rrb.Spatial3DView:
 
 
 def between_stops(scene: DrawnScene) -> float:
-    """Return the angle (radians) by which the eye stands aside, so that no stop hides the table."""
+    """Return the angle (radians) by which the eye stands aside, so that no stop hides the table.
+
+    Of the angles at which the fewest cameras lie before the top, above all not that of the stop
+    which is shown first, it is the one in the widest gap between stops.
+    """
     x, y = scene.centre or (0.0, 0.0)
     seen = [math.atan2(pose.y - y, pose.x - x) for pose in scene.localised]
     aside = np.linspace(EYE_ASIDE / 2, MOST_ASIDE, 40)
@@ -97,7 +150,32 @@ def between_stops(scene: DrawnScene) -> float:
         return EYE_ASIDE
     away = (scene.yaw - math.pi / 2 + aside)[:, None] - np.array(seen)
     gaps = np.abs((away + math.pi) % (2 * math.pi) - math.pi).min(axis=1)
-    return float(aside[np.argmax(gaps)])
+    cameras = _cameras(scene)
+    hidden = [_hiding(scene, cameras, _overview_eye(scene, float(one))) for one in aside]
+    return float(aside[np.lexsort((-gaps, hidden))[0]])
+
+
+def _cameras(scene: DrawnScene) -> Floats:
+    """Return tips and corners (n, 5, 3) of the stops' cameras, as localised and as drawn."""
+    found = [
+        transform(pose.lifted(), view[0] + CAMERA * (view - view[0]))
+        for (_, view), pose in zip(scene.cameras, scene.localised, strict=False)
+    ]
+    return np.array(found).reshape(-1, 5, 3)
+
+
+def _hiding(scene: DrawnScene, cameras: Floats, eye: Eye) -> int:
+    """Return how many cameras an eye has before the top; the first that is shown counts most."""
+    if scene.centre is None:
+        return 0
+    position = np.array(eye.position)
+    rise = np.minimum(cameras[..., 2] - position[2], -1e-6)
+    on_top = position + (cameras - position) * ((scene.height - position[2]) / rise)[..., None]
+    away = np.linalg.norm(on_top[..., :2] - np.array(scene.centre), axis=-1)
+    is_before = (cameras[..., 2] > scene.height) & (away < MOST_OF_TOP * scene.extent)
+    hiding = is_before.any(axis=1)
+    is_first = scene.best is not None and scene.best < len(hiding) and hiding[scene.best]
+    return int(hiding.sum() + len(hiding) * is_first)
 
 
 def _middle(scene: DrawnScene) -> tuple[float, float]:

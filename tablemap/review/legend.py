@@ -14,9 +14,14 @@ from tablemap.stages.segmentation import Label
 
 Entries = tuple[tuple[str, Colour], ...]
 
-WIDTH = 560.0  # pixels for which a strip is laid out
-LETTER, GAP, ROW = 6.6, 30.0, 24.0  # pixels
+WIDTH = 560.0  # pixels for which a strip is laid out in half a window
+WIDE = 680.0  # and below a view that has more of it
+NARROW = ("labels", "image", "flatness", "registration", "ways")
+"""The strips in half a window, or less."""
+
+LETTER, GAP, ROW = 6.6, 36.0, 24.0  # pixels
 SQUARE = 5.0
+ASIDE = 14.0  # pixels from a square to its word; less in a narrow pane, which shrinks the strip
 LABEL_DROP = 11.0  # the viewer writes labels this far below their points
 
 SIDES: Entries = (
@@ -108,8 +113,8 @@ def log_legends(stream: Stream) -> None:
     for name, entries in LEGENDS.items():
         if is_short and name != "overview":
             continue
-        places = _places(entries)
-        words = np.array([LETTER * len(text) / 2 + SQUARE + 8 for text, _ in entries])
+        places = _places(name)
+        words = np.array([LETTER * len(text) / 2 + SQUARE + ASIDE for text, _ in entries])
         stream.rec.log(
             f"legend/{name}/colours",
             rr.Points2D(places, colors=[colour for _, colour in entries], radii=SQUARE),
@@ -134,24 +139,28 @@ def with_legend(
     """Return a view with its strip below it; ``height`` is the view's, in pixels."""
     if isinstance(view, rrb.View) and in_tabs:
         view.titlebar = False  # the tab has the name
-    places = _places(LEGENDS[name])
+    places = _places(name)
     tall = float(places[-1, 1]) + ROW / 2
     strip = rrb.Spatial2DView(
         origin=f"/legend/{name}",
         name="Legend",
         titlebar=False,
         background=palette.BACKGROUND,
-        visual_bounds=rrb.VisualBounds2D(x_range=(0.0, WIDTH), y_range=(0.0, tall)),
+        visual_bounds=rrb.VisualBounds2D(x_range=(0.0, _width(name)), y_range=(0.0, tall)),
     )
     return rrb.Vertical(view, strip, row_shares=[height, tall + 4], name=view.name)
 
 
-def _places(entries: Entries) -> np.typing.NDArray[np.float64]:
-    """Return where the squares lie, (n, 2) pixels, in rows from above."""
+def _width(name: str) -> float:
+    return WIDTH if name in NARROW else WIDE
+
+
+def _places(name: str) -> np.typing.NDArray[np.float64]:
+    """Return where a strip's squares lie, (n, 2) pixels, in rows from above."""
     places, x, row = [], GAP / 2, 0
-    for text, _ in entries:
+    for text, _ in LEGENDS[name]:
         wide = LETTER * len(text) + GAP
-        if x + wide > WIDTH and x > GAP:
+        if x + wide > _width(name) and x > GAP:
             x, row = GAP / 2, row + 1
         places.append((x, ROW * (row + 0.5)))
         x += wide

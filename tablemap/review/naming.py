@@ -9,14 +9,16 @@ from tablemap.events import OtherTable
 from tablemap.geometry import Pose2
 from tablemap.model import TableModel
 from tablemap.review.alignment import BASE_ARROW, FLOOR, MANY_SHARE, base_labels
-from tablemap.review.clouds import raised
-from tablemap.review.current import LARGER, camera_of_stop, name_of
+from tablemap.review.clouds import middles, raised
+from tablemap.review.current import camera_of_stop, current_camera, name_of
+from tablemap.review.eyes import overview_eye
 from tablemap.review.motion import TRAJECTORY_HEIGHT
 from tablemap.review.room import Room
 from tablemap.review.solid import take_model
 from tablemap.review.stream import FEW_STOPS, Stream
+from tablemap.review.tables import entity
 from tablemap.stages.odometry import Trajectory
-from tablemap.stages.registration import Registration
+from tablemap.stages.registration import Registration, StopScan
 
 
 class Naming:
@@ -26,12 +28,14 @@ class Naming:
         self._poses: tuple[Pose2, ...] = ()
         self._used: tuple[bool, ...] = ()
         self._way: Trajectory | None = None
+        self._scans: tuple[StopScan, ...] = ()
         self._room: Room | None = None
+        self._tables: list[OtherTable] = []
 
     def take_registration(self, registration: Registration) -> None:
         """Take the registered stops and the way between them."""
         self._poses, self._used = registration.map_from_base, registration.used
-        self._way = registration.trajectory
+        self._way, self._scans = registration.trajectory, registration.stop_scans
 
     def lines(self, stream: Stream) -> list[NDArray[np.floating]]:
         """Return what the first view shows of stops and way, as lines (n, 3) in the map."""
@@ -47,15 +51,38 @@ class Naming:
         ways = [self._way.poses[:, :2]] if self._way is not None else []
         return [*arrows, *[raised(way, TRAJECTORY_HEIGHT) for way in ways if len(way) > 1]]
 
+    def points(self, stream: Stream) -> NDArray[np.floating]:
+        """Return the points (n, 3) in the map that the first view shows: scans and clutter."""
+        scene, poses = stream.scene, self._poses
+        found: list[NDArray[np.floating]] = [
+            raised(poses[scan.index].apply(scan.points), scene.laser_height) for scan in self._scans
+        ]
+        if len(poses) <= FEW_STOPS:
+            found += [poses[k].apply(cloud) for k, cloud in scene.clutter.items() if k < len(poses)]
+        return np.concatenate([np.zeros((0, 3)), *found])
+
     def log_beside(self, stream: Stream, room: Room) -> None:
         """Log the names where the picture of the first view has room."""
         self._room = room
         self._log(stream)
 
+    def log_found(self, stream: Stream, texts: list[str], hulls: list[NDArray[np.float32]]) -> None:
+        """Name the surfaces that were found, and the stops, in the first view of a failed run."""
+        room = Room(overview_eye(stream.scene))
+        room.take_points(self.points(stream))
+        for line in (*hulls, *self.lines(stream)):
+            room.take_line(line)
+        towards = np.subtract(room.eye.position, room.eye.target)[:2]
+        placed = room.names(texts, middles(hulls), away=towards)
+        stream.hold()
+        stream.names("story/found/names", placed.places, texts, leaders=placed.leaders)
+        self.log_beside(stream, room)
+
     def log_other(self, stream: Stream, other: OtherTable) -> None:
-        """Log them again, clear of another table's model too."""
+        """Name another table, and log the stops' names again, clear of its model too."""
         if isinstance(other.outcome, TableModel) and self._room is not None:
             take_model(self._room, other.outcome)
+            self._tables.append(other)
             self._log(stream)
 
     def _log(self, stream: Stream) -> None:
@@ -63,20 +90,40 @@ class Naming:
             return
         room = self._room.copy()
         stream.hold()
+        first = stream.scene.best
+        if first is not None and first < min(len(self._poses), len(stream.scene.cameras)):
+            room.take_line(
+                current_camera(stream.scene, first, self._poses[first], eye=room.eye), width=5
+            )
+        self._log_tables(stream, room)
         if len(self._poses) <= FEW_STOPS:
             self._log_bases(stream, room)
         self._log_cameras(stream, room)
         stream.hold()
 
+    def _log_tables(self, stream: Stream, room: Room) -> None:
+        """Log the name of each table beside the chosen one: its number, as in its tab."""
+        towards = np.subtract(room.eye.position, room.eye.target)[:2]
+        for other in self._tables:
+            model = other.outcome
+            if not isinstance(model, TableModel):
+                continue
+            name = f"table {other.number:02d}"
+            middle = (
+                model.surface.pose.x,
+                model.surface.pose.y,
+                model.floor_z + model.surface.height.value,
+            )
+            placed = room.names([name], np.array([middle]), away=towards)
+            path = f"{entity(other.number)}/name"
+            stream.names(path, placed.places, [name], leaders=placed.leaders)
+
     def _log_bases(self, stream: Stream, room: Room) -> None:
         centre = np.array(stream.scene.centre or (0.0, 0.0))
         feet = raised(np.array([pose.translation for pose in self._poses]), FLOOR)
         labels = base_labels(self._poses)
-        places = [
-            room.place(label, foot.astype(np.float64), away=foot[:2] - centre, keeps=bool(label))
-            for label, foot in zip(labels, feet, strict=True)
-        ]
-        stream.names("registration/bases/names", places, labels)
+        placed = room.names(labels, feet.astype(np.float64), away=feet[:, :2] - centre)
+        stream.names("registration/bases/names", placed.places, labels, leaders=placed.leaders)
 
     def _log_cameras(self, stream: Stream, room: Room) -> None:
         """Log the name of each stop's camera, of which a viewer shows one at a time."""
@@ -84,7 +131,7 @@ class Naming:
         centre = np.array(scene.centre or (0.0, 0.0))
         stops = zip(scene.stamps_ns, self._poses, self._used, strict=False)
         for index, (stamp, pose, is_used) in enumerate(stops):
-            line = camera_of_stop(scene, index, pose, share=LARGER)
+            line = current_camera(scene, index, pose, eye=room.eye)
             beside = room.copy()
             beside.take_line(line, width=6)
             name = name_of(index, is_used=is_used)

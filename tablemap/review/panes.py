@@ -70,11 +70,5 @@ def image_of_table(number: int, scene: DrawnScene) -> rrb.Spatial2DView | None:
     """
     if scene.best is None:
         return None
-    what = best_image(scene)
-    at = rr.TimeRangeBoundary.absolute(seq=scene.best)
-    return flat(
-        f"/camera/{what}",
-        f"View {scene.best} with table {number:02d}",
-        contents=[f"/camera/{what}", f"/tables/{number:02d}/camera/model/**"],
-        time_ranges=rr.VisibleTimeRange("snapshot", start=at, end=at),
-    )
+    below = f"/tables/{number:02d}/view"
+    return flat(below, f"View {scene.best} with table {number:02d}", contents=[f"{below}/**"])

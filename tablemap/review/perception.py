@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
@@ -29,6 +31,8 @@ SHOWN_WIDTH = 640
 CLOUD_WIDTH = 110
 INSIDE_CELLS = 5
 MOST_IN_SIGHT = 4
+COARSE = 0.04  # metres between the points that names in the view have to stand clear of
+CELL_PX = 4  # of so many metres, at the usual distance of the eye
 FEW_CANDIDATES = 3  # up to here their labels have room for reasons
 RESIDUAL_RANGE_M = 0.015
 BLOCK_PX = 20
@@ -41,6 +45,7 @@ class Perception:
     def __init__(self) -> None:
         self._snapshots: tuple[Snapshot, ...] = ()
         self._found: tuple[TableCandidate, ...] = ()
+        self._seen: dict[int, NDArray[np.float32]] = {}
 
     def take_snapshots(self, taken: Snapshots) -> None:
         """Take the snapshots as recorded, until they are corrected."""
@@ -87,29 +92,36 @@ class Perception:
         if failed:
             self._look_at_all(scene)
         room = Room(views_eye(scene), LOW)
-        for one in self._found[:MOST_IN_SIGHT]:
+        for one in self._found:
             if len(one.hull):
-                room.take_solid(one.hull, floor + one.height, floor + one.height)
-        towards = np.subtract(room.eye.position, room.eye.target)[:2]
+                room.take_line(closed(one.hull, floor + one.height))
+        seen = self._seen.get(scene.best if scene.best is not None else max(self._seen, default=0))
+        if seen is not None:
+            room.take_points(seen, reach=CELL_PX)
         stream.hold()
         for name, is_shown in (("chosen", True), ("others", failed)):
             named = {
                 k: one for k, one in enumerate(self._found) if one.chosen == (name == "chosen")
             }
-            texts = _short(named, whole=_labels(named))
+            texts = _short(named, whole=_labels(named, among=self._found), among=self._found)
             middle = middles([closed(one.hull, floor + one.height) for one in named.values()])
-            places = [
-                room.place(text, place.astype(np.float64), away=towards)
-                if is_shown and np.isfinite(place).all()
-                else place
-                for text, place in zip(texts, middle, strict=True)
-            ]
+            towards = np.subtract(room.eye.position, room.eye.target)[:2]
+            shown = texts if is_shown else [""] * len(texts)
+            placed = room.names(shown, middle.astype(np.float64), away=towards)
             stream.names(
                 f"segmentation/candidates/{name}/names",
-                np.array(places).reshape(-1, 3),
+                np.array(placed.places).reshape(-1, 3),
                 texts,
                 shown=is_shown,
+                leaders=placed.leaders,
             )
+
+    def found(self, stream: Stream) -> tuple[list[str], list[NDArray[np.float32]]]:
+        """Return the candidates' names and their hulls as lines (n, 3) in the map."""
+        named = dict(enumerate(self._found))
+        floor = stream.scene.floor_z
+        texts = _short(named, whole=_labels(named, among=self._found), among=self._found)
+        return texts, [closed(one.hull, floor + one.height) for one in self._found]
 
     def told(self) -> str:
         """Return what could have been the table, and the reasons against it."""
@@ -165,10 +177,12 @@ class Perception:
             step = max(1, view.labels.shape[1] // CLOUD_WIDTH)
             few, classes = points[::step, ::step], view.labels[::step, ::step]
             seen = np.isfinite(few).all(axis=-1) & (classes != Label.UNKNOWN)
+            in_map = transform(snapshot.map_from_base.lifted(), few[seen]).astype(np.float32)
+            self._seen[view.index] = thinned(in_map, COARSE)
             stream.log(
                 "segmentation/points",
                 rr.Points3D(
-                    transform(snapshot.map_from_base.lifted(), few[seen]).astype(np.float32),
+                    in_map,
                     class_ids=classes[seen],
                     radii=rr.Radius.ui_points(2.0),
                 ),
@@ -196,6 +210,7 @@ class Perception:
             "candidates/others",
             dict(enumerate(found.candidates)),
             palette.OTHER_SURFACE,
+            among=found.candidates,
             show_labels=True,
         )
 
@@ -220,8 +235,18 @@ class Perception:
         numbered = dict(enumerate(segmentation.candidates))
         chosen = {k: one for k, one in numbered.items() if one.chosen}
         others = {k: one for k, one in numbered.items() if not one.chosen}
-        _log_hulls(stream, "candidates/chosen", chosen, palette.MODEL, show_labels=True)
-        _log_hulls(stream, "candidates/others", others, palette.OTHER_SURFACE, show_labels=False)
+        for name, hulls, tint in (
+            ("chosen", chosen, palette.MODEL),
+            ("others", others, palette.OTHER_SURFACE),
+        ):
+            _log_hulls(
+                stream,
+                f"candidates/{name}",
+                hulls,
+                tint,
+                among=segmentation.candidates,
+                show_labels=name == "chosen",
+            )
 
 
 def _log_hulls(
@@ -230,6 +255,7 @@ def _log_hulls(
     candidates: dict[int, TableCandidate],
     tint: palette.Ink,
     *,
+    among: Sequence[TableCandidate],
     show_labels: bool,
 ) -> None:
     """Draw the candidates' hulls, by their numbers, in place of earlier ones.
@@ -238,7 +264,7 @@ def _log_hulls(
     """
     floor = stream.scene.floor_z
     strips = [closed(one.hull, floor + one.height) for one in candidates.values()]
-    labels = _labels(candidates)
+    labels = _labels(candidates, among=among)
     stream.log(
         f"segmentation/{name}",
         rr.LineStrips3D(
@@ -249,22 +275,28 @@ def _log_hulls(
             show_labels=False,
         ),
     )
-    short = _short(candidates, whole=labels)
+    short = _short(candidates, whole=labels, among=among)
     stream.names(f"segmentation/{name}/names", middles(strips), short, shown=show_labels)
 
 
-def _labels(candidates: dict[int, TableCandidate]) -> list[str]:
-    """Return the candidates' numbers and heights, of few also what was made of them."""
+def _labels(candidates: dict[int, TableCandidate], *, among: Sequence[TableCandidate]) -> list[str]:
+    """Return numbers and heights, and where all candidates are few also what was made of them."""
     return [
         f"{number}: {one.height:.2f} m high"
-        + (f", {one.reason or 'a table'}" if len(candidates) <= FEW_CANDIDATES else "")
+        + (f", {one.reason or 'a table'}" if len(among) <= FEW_CANDIDATES else "")
         for number, one in candidates.items()
     ]
 
 
-def _short(candidates: dict[int, TableCandidate], *, whole: list[str]) -> list[str]:
-    """Return the names that are shown: those of many are their numbers."""
-    return whole if len(whole) <= FEW_CANDIDATES else [str(number) for number in candidates]
+def _short(
+    candidates: dict[int, TableCandidate], *, whole: list[str], among: Sequence[TableCandidate]
+) -> list[str]:
+    """Return the names that are shown: those of many are their numbers, but for the chosen one."""
+    is_few = len(among) <= FEW_CANDIDATES
+    return [
+        text if is_few or one.chosen else str(number)
+        for text, (number, one) in zip(whole, candidates.items(), strict=True)
+    ]
 
 
 def _residual_image(metres: Floats) -> NDArray[np.uint8]:

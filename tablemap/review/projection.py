@@ -14,6 +14,7 @@ from tablemap.geometry import Floats, Pose2, invert, transform
 from tablemap.model import TableLeg, TableModel
 from tablemap.review import colours, digits
 from tablemap.review.clouds import closed, raised
+from tablemap.review.images import colour_archetype, depth_archetype
 from tablemap.review.sensors import IMAGE_PLANE, log_images
 from tablemap.review.solid import DRAWN_THICKNESS
 from tablemap.review.stream import Stream
@@ -148,43 +149,63 @@ class Projection:
             scene.best = self._best(edge_points_seen(one.result))
 
     def log_other(self, stream: Stream, other: OtherTable) -> None:
-        """Log the lines of another table's model in each camera's image, below its entity."""
+        """Log the lines of another table's model in each camera's image, below its entity.
+
+        The image that shows most of it is logged once more, with its lines: a view shows the images
+        of the snapshot at the cursor, and few of these show this table.
+        """
         scene = stream.scene.tables.get(other.number)
-        if scene is not None and not isinstance(other.outcome, str):
-            with stream.within(entity(other.number), scene):
-                self._log_lines(stream, other.outcome)
+        if scene is None or isinstance(other.outcome, str):
+            return
+        with stream.within(entity(other.number), scene):
+            self._log_lines(stream, other.outcome)
+            best = self._recorded.get(scene.best) if scene.best is not None else None
+            if best is not None and best.index < len(other.outcome.snapshots):
+                _log_one_image(stream, best)
+                drawn = _lines_in(self._snapshots[best.index], other.outcome)
+                for part, strips in drawn.items():
+                    stream.log_flat(f"view/{part}", _strips(part, strips))
 
     def _log_lines(self, stream: Stream, model: TableModel) -> None:
-        lines = list(model_lines(model))
         for snapshot, frame in self._in_turn(stream):
-            if snapshot.index >= len(model.snapshots):
-                continue
-            base = model.snapshots[snapshot.index].map_from_base
-            map_from_base = Pose2(base.x, base.y, base.yaw).lifted()
-            map_from_base[2, 3] = model.floor_z
-            drawn: dict[str, list[tuple[NDArray[np.float32], str]]] = {
-                "outline": [],
-                "underside": [],
-                "legs": [],
-            }
-            for part, status, line in lines:
-                pieces = in_image(snapshot, map_from_base, line, dashed=status != "measured")
-                drawn[part] += [(piece, status) for piece in pieces]
-            for part, strips in drawn.items():
-                stream.log(
-                    f"camera/model/{part}",
-                    rr.LineStrips2D(
-                        [strip for strip, _ in strips],
-                        colors=[
-                            palette.LEFT_OUT.on_dark
-                            if part == "underside"
-                            else colours.STATUS[status]
-                            for _, status in strips
-                        ],
-                        radii=rr.Radius.ui_points(LINE if part != "underside" else LINE / 2),
-                    ),
-                    frame=frame,
-                )
+            if snapshot.index < len(model.snapshots):
+                for part, strips in _lines_in(snapshot, model).items():
+                    stream.log(f"camera/model/{part}", _strips(part, strips), frame=frame)
+
+
+Strips = list[tuple[NDArray[np.float32], str]]
+"""Lines (n, 2) in an image, each with the status of what it shows."""
+
+
+def _lines_in(snapshot: Snapshot, model: TableModel) -> dict[str, Strips]:
+    """Return the model's lines in a snapshot's image, by part."""
+    base = model.snapshots[snapshot.index].map_from_base
+    map_from_base = Pose2(base.x, base.y, base.yaw).lifted()
+    map_from_base[2, 3] = model.floor_z
+    drawn: dict[str, Strips] = {"outline": [], "underside": [], "legs": []}
+    for part, status, line in model_lines(model):
+        pieces = in_image(snapshot, map_from_base, line, dashed=status != "measured")
+        drawn[part] += [(piece, status) for piece in pieces]
+    return drawn
+
+
+def _strips(part: str, strips: Strips) -> rr.LineStrips2D:
+    return rr.LineStrips2D(
+        [strip for strip, _ in strips],
+        colors=[
+            palette.LEFT_OUT.on_dark if part == "underside" else colours.STATUS[status]
+            for _, status in strips
+        ],
+        radii=rr.Radius.ui_points(LINE if part != "underside" else LINE / 2),
+    )
+
+
+def _log_one_image(stream: Stream, snapshot: Snapshot) -> None:
+    """Log a snapshot's colour where it fits the depth, else its depth, for the whole recording."""
+    message = snapshot.colour_message
+    colour = colour_archetype(message) if message and stream.scene.colour_fits else None
+    image = colour or depth_archetype(snapshot.depth_message, snapshot.depth)
+    stream.log_flat("view/image", image)
 
 
 def edge_points_seen(outline: Outline) -> dict[int, int]:

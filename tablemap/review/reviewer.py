@@ -22,7 +22,7 @@ from tablemap.review.motion import MotionDrawing
 from tablemap.review.naming import Naming
 from tablemap.review.perception import Perception
 from tablemap.review.projection import Projection, edge_points_seen
-from tablemap.review.solid import log_model
+from tablemap.review.solid import bands, log_model
 from tablemap.review.stream import Stream
 from tablemap.review.tables import Tables
 from tablemap.review.telling import Telling
@@ -104,10 +104,15 @@ class Reviewer(Closing):
             projection.log_edges(stream, outline)
 
         def draw_model(stream: Stream, model: TableModel) -> None:
-            room = log_model(stream, model, lines=naming.lines(stream))
+            room = log_model(
+                stream, model, lines=naming.lines(stream), points=naming.points(stream)
+            )
             if stream.config.level != "off":
                 telling.end(stream)
                 perception.log_names(stream)
+                alignment.log_names(stream)
+                stream.hold()
+                top.log_names(stream, [line for _, line in bands(model)])
             naming.log_beside(stream, room)
             projection.log_model(stream, model)
 
@@ -127,6 +132,8 @@ class Reviewer(Closing):
             if stream.config.level != "off":
                 projection.log_failure(stream)
                 perception.log_names(stream)
+                alignment.log_names(stream)
+                naming.log_found(stream, *perception.found(stream))
 
         self.places: dict[type, Draw] = {
             Recording: sensors.log_recording,

@@ -35,10 +35,12 @@ def log_model(
     tint: palette.Colour = palette.MODEL.on_dark,
     eye_of: Callable[[DrawnScene], Eye] = overview_eye,
     lines: Sequence[NDArray[np.floating]] = (),
+    points: NDArray[np.floating] | None = None,
 ) -> Room:
     """Log top and legs as solids, dimension lines with numbers, and magnified 95 % bands.
 
-    ``eye_of`` gives the eye of the view that shows them, ``lines`` (n, 3) what else is drawn there.
+    ``eye_of`` gives the eye of the view that shows them; ``lines`` (n, 3) and ``points`` (n, 3) are
+    what else is drawn there.
     Return the room that its picture has left.
     """
     stream.hold()
@@ -59,9 +61,11 @@ def log_model(
     take_model(room, model)
     for line in lines:
         room.take_line(line)
+    if points is not None:
+        room.take_points(points)
     log_dimensions(stream, model, outline, top, room)
     _log_place(stream, model, top, magnified=place)
-    _log_bands(stream, model, top, magnified=sides)
+    _log_bands(stream, model)
     return room
 
 
@@ -203,9 +207,11 @@ def _log_place(stream: Stream, model: TableModel, top: float, *, magnified: floa
     )
 
 
-def _log_bands(stream: Stream, model: TableModel, top: float, *, magnified: float) -> None:
-    """Draw the 95 % bands of the sides."""
-    bands, tints = [], []
+def bands(model: TableModel) -> list[tuple[str, NDArray[np.float32]]]:
+    """Return the sides' magnified 95 % bands as they are drawn: status, and a line (n, 3)."""
+    top = model.floor_z + model.surface.height.value
+    _, magnified = _magnifications(model)
+    found: list[tuple[str, NDArray[np.float32]]] = []
     for edge in model.surface.edges:
         side = np.array(edge.points, dtype=np.float64).reshape(-1, 2)
         if edge.sigma is None or len(side) < 2:
@@ -215,10 +221,19 @@ def _log_bands(stream: Stream, model: TableModel, top: float, *, magnified: floa
         for sign in (1.0, -1.0):
             band = shapely.offset_curve(line, sign * width)
             if band.geom_type == "LineString" and not band.is_empty:
-                bands.append(raised(np.asarray(band.coords), top + 0.004))
-                tints.append(colours.STATUS[edge.status])
-    if bands:
+                found.append((edge.status, raised(np.asarray(band.coords), top + 0.004)))
+    return found
+
+
+def _log_bands(stream: Stream, model: TableModel) -> None:
+    """Draw the 95 % bands of the sides."""
+    drawn = bands(model)
+    if drawn:
         stream.log(
             "model/uncertainty/edges",
-            rr.LineStrips3D(bands, colors=tints, radii=rr.Radius.ui_points(0.8)),
+            rr.LineStrips3D(
+                [line for _, line in drawn],
+                colors=[colours.STATUS[status] for status, _ in drawn],
+                radii=rr.Radius.ui_points(0.8),
+            ),
         )

@@ -226,14 +226,26 @@ class Stream:
         *,
         shown: bool = True,
         frame: str | None = None,
+        leaders: Sequence[Floats] | None = None,
     ) -> None:
         """Log texts at places (n, 3): an entity of its own, as all labels have one colour.
 
-        What they name has the same texts as labels that show on hovering.
+        What they name has the same texts as labels that show on hovering. ``leaders`` are lines
+        (2, 3) from what is named to texts that stand aside, in place of earlier ones.
         """
         self.log(
             path, rr.Points3D(np.asarray(places), **_of_names(texts, shown=shown)), frame=frame
         )
+        if leaders is not None:
+            self.log(
+                f"{path}/leaders",
+                rr.LineStrips3D(
+                    np.array(leaders if shown else []).reshape(-1, 2, 3),
+                    colors=[palette.TEXT.on_dark],
+                    radii=rr.Radius.ui_points(0.5),
+                ),
+                frame=frame,
+            )
 
     def flat_names(self, path: str, places: npt.ArrayLike, texts: Sequence[str]) -> None:
         """Log texts at places (n, 2) of a plot."""

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
 from tablemap import palette
 from tablemap.geometry import Floats, Pose2
@@ -15,13 +14,12 @@ from tablemap.review import colours, text
 from tablemap.review.clouds import raised
 from tablemap.review.eyes import legs_eye
 from tablemap.review.room import Room
-from tablemap.review.stream import DrawnScene, Stream
+from tablemap.review.stream import Stream
 from tablemap.stages.legs import Leg, Legs, RejectedCluster
 
 MOST_LETTERS = 12
 LEG_WITHOUT_SIZE = 0.04  # metres
-MARK = 0.05  # metres that a leg's points are spread
-SQUARE = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+DOT = 3  # pixels, radius of a drawn point
 
 
 def log_legs(stream: Stream, legs: Legs) -> None:
@@ -40,31 +38,35 @@ def log_legs(stream: Stream, legs: Legs) -> None:
         )
     for index, leg in enumerate(legs.legs, start=1):
         _log_leg(stream, index, leg, height)
-    if legs.legs:
-        places = raised(np.array([(leg.x, leg.y) for leg in legs.legs]), height)
-        names = [_named(k, leg) for k, leg in enumerate(legs.legs, start=1)]
-        stream.names("legs/names", _beside(stream.scene, legs.legs, places, names), names)
     _log_rejected(stream, legs.rejected, height)
+    _log_names(stream, legs, height)
 
 
-def _beside(
-    scene: DrawnScene,
-    legs: Sequence[Leg],
-    places: NDArray[np.floating],
-    names: Sequence[str],
-) -> Floats:
-    """Return where the names (n, 3) are clear of the legs and their points, away from the table."""
+def _log_names(stream: Stream, legs: Legs, height: float) -> None:
+    """Name the legs, and what is none by letters, clear of all points and away from the table."""
+    scene, rejected = stream.scene, legs.rejected
     room = Room(legs_eye(scene))
-    for leg, place in zip(legs, places, strict=True):
+    for leg in legs.legs:
         room.take_solid(leg_outline(leg), scene.floor_z, scene.height)
-        room.take_solid(place[:2] + MARK * SQUARE, float(place[2]), float(place[2]))
-    centre = np.array(scene.centre or places[:, :2].mean(axis=0))
-    return np.array(
-        [
-            room.place(name, place.astype(np.float64), away=place[:2] - centre)
-            for name, place in zip(names, places, strict=True)
-        ]
-    )
+    drawn = [legs.evidence, *[leg.points for leg in legs.legs], *[one.points for one in rejected]]
+    room.take_points(np.concatenate([raised(points, height) for points in drawn]), reach=DOT)
+    feet = np.array([(leg.x, leg.y) for leg in legs.legs]).reshape(-1, 2)
+    places = np.array([(one.x, one.y) for one in rejected]).reshape(-1, 2)
+    centre = np.array(scene.centre or np.concatenate([feet, places, np.zeros((1, 2))]).mean(axis=0))
+    for path, texts, ends, shown in (
+        ("names", [_named(k, leg) for k, leg in enumerate(legs.legs, start=1)], feet, True),
+        (
+            "rejected/names",
+            [text.letter(k) for k in range(len(rejected))],
+            places,
+            len(rejected) <= MOST_LETTERS,
+        ),
+    ):
+        if texts:
+            placed = room.names(
+                texts if shown else [""] * len(texts), raised(ends, height), away=ends - centre
+            )
+            stream.names(f"legs/{path}", placed.places, texts, shown=shown, leaders=placed.leaders)
 
 
 def _log_leg(stream: Stream, index: int, leg: Leg, height: float) -> None:
@@ -127,10 +129,4 @@ def _log_rejected(stream: Stream, rejected: tuple[RejectedCluster, ...], height:
         [(one.x, one.y, height + 0.05) for one in rejected],
         [f"{text.letter(k)}: {one.reason}" for k, one in enumerate(rejected)],
         shown=False,
-    )
-    stream.names(
-        "legs/rejected/names",
-        [(one.x, one.y, height + 0.05) for one in rejected],
-        [text.letter(k) for k in range(len(rejected))],
-        shown=len(rejected) <= MOST_LETTERS,
     )

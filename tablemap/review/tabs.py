@@ -15,8 +15,9 @@ from tablemap.review.eyes import (
     views_eye,
 )
 from tablemap.review.legend import with_legend
+from tablemap.review.matrix import bounds
 from tablemap.review.panes import PLOT, Contents, beside, flat, image, image_of_table, plot, text
-from tablemap.review.stream import DrawnScene
+from tablemap.review.stream import FEW_STOPS, DrawnScene
 
 
 def views(scene: DrawnScene) -> rrb.Container:
@@ -106,6 +107,9 @@ def registration(scene: DrawnScene) -> rrb.Container:
         stops,
         "/registration/graph_before",
     ]
+    if len(scene.localised) <= FEW_STOPS:
+        after.append("- /stop/camera/names")  # the stops have their numbers there
+    ends = bounds(len(scene.localised))
     return rrb.Vertical(
         rrb.Horizontal(
             seen_from(stops_eye(scene), scene, "As localised", before),
@@ -129,7 +133,16 @@ def registration(scene: DrawnScene) -> rrb.Container:
                 text("/odometry/summary", "Odometry"),
             ),
             rrb.Tabs(
-                rrb.GraphView(origin="/registration/graph", name="Pose graph"),
+                with_legend(
+                    flat(
+                        "/registration/matrix",
+                        "Pose graph as a matrix",
+                        bounds=rrb.VisualBounds2D(x_range=ends[0], y_range=ends[1]),
+                    ),
+                    "registration",
+                    height=240,
+                    in_tabs=True,
+                ),
                 plot("/registration/correction_mm", "Correction (mm)"),
                 with_legend(
                     seen_from(stops_eye(scene), scene, "Trajectories", paths),
@@ -250,9 +263,9 @@ def table(number: int, scene: DrawnScene) -> rrb.Container:
     shown = [
         f"{below}/{one}" for one in ("model/**", "outline/edges/table/**", "legs/**", "surface/**")
     ]
-    flat = ("candidates/**", "residuals", "unrolled/**", "budget/**", "chosen/names")
+    flat = ("candidates/**", "residuals", "unrolled/**", "budget/**", "chosen/names/**")
     shown += [f"- {below}/surface/{one}" for one in flat]
-    shown.append(f"- {below}/legs/names")
+    shown.append(f"- {below}/legs/names/**")
     shown += [f"- {below}/model/uncertainty/**"]
     space = seen_from(table_eye(scene), scene, "Table beside the chosen one", shown)
     camera = image_of_table(number, scene)

@@ -229,8 +229,9 @@ def registration(result: Registration) -> str:
         [
             f"## Stops registered by {result.source}",
             f"{sum(result.used)} of {len(result.used)} used; systematic sigma "
-            f"{1000 * result.systematic:.1f} mm. Pairs: {said or 'none'}. Lines and stops of the "
-            "graph show how well the registered poses agree with the pairs; grey: dropped. "
+            f"{1000 * result.systematic:.1f} mm. Pairs: {said or 'none'}. Lines, and the "
+            "dots of the matrix, show how well the registered poses agree with the pairs; grey: "
+            "dropped. The matrix has the stops on its diagonal, each with the mean of its pairs. "
             "*Off by* is how far the registered poses lie from what "
             "the pair measured, *rmse* how far the points of its two clouds lie from each other.",
             "",

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import rerun as rr
 import shapely
+from numpy.typing import NDArray
 
 from tablemap import palette
 from tablemap.geometry import Floats, Pose2
@@ -15,8 +16,8 @@ from tablemap.review.budget import bars
 from tablemap.review.clouds import closed, raised, thinned
 from tablemap.review.eyes import edges_eye
 from tablemap.review.room import Room
-from tablemap.review.stream import DrawnScene, Stream
-from tablemap.stages.outline import Outline, ViewEdges
+from tablemap.review.stream import Stream
+from tablemap.stages.outline import EdgeKind, Outline, ViewEdges
 from tablemap.stages.surface import FittedFigure, Surface, SurfaceEdge
 
 LIFT = 0.003
@@ -31,7 +32,7 @@ TOUCHES = "touches the table"
 TOP_CELLS = 3
 ALL_SEEN = 0.995
 MOST_CORNERS = 12
-EDGE_PX = 14  # of a side with its points
+DOT = 3  # pixels, radius of a drawn point
 
 
 class TopDrawing:
@@ -39,6 +40,8 @@ class TopDrawing:
 
     def __init__(self) -> None:
         self._poses: tuple[Pose2, ...] = ()
+        self._surface: Surface | None = None
+        self._edges: list[NDArray[np.float32]] = []
 
     def take_poses(self, poses: tuple[Pose2, ...]) -> None:
         """Take the registered poses, by snapshot index."""
@@ -57,6 +60,7 @@ class TopDrawing:
                 stream.log_flat("outline/height_mm/all_views", rr.Scalars(1000 * outline.height))
         stream.hold()
         stream.text("outline/summary", text.outline(outline))
+        self._edges = []
         for view in outline.views:
             self.log_view(stream, view)
 
@@ -69,6 +73,8 @@ class TopDrawing:
         stream.hold()
         for kind, (name, colour) in colours.EDGES.items():
             points = view.points[view.kind == kind]
+            if kind != EdgeKind.BORDER:
+                self._edges.append(raised(pose.apply(points), height))
             if len(points):
                 stream.log(
                     f"outline/edges/{name}/{view.index:02d}",
@@ -143,9 +149,8 @@ class TopDrawing:
                     show_labels=False,
                 ),
             )
-            shown = len(labels) <= MOST_CORNERS
-            places = _beside(scene, surface, labels, height + 2 * LIFT)
-            stream.names("surface/chosen/names", places, labels, shown=shown)
+            self._surface = surface
+            self.log_names(stream)
         if len(surface.points):
             stream.log(
                 "surface/residuals",
@@ -158,21 +163,28 @@ class TopDrawing:
             _log_unrolled(stream, surface)
             _log_histogram(stream, surface.residuals)
 
-
-def _beside(
-    scene: DrawnScene, surface: Surface, labels: Sequence[str], height: float
-) -> list[Floats]:
-    """Return where the sides' names are clear of the sides and of the edge points, outside."""
-    room = Room(edges_eye(scene))
-    room.take_solid(surface.outline, height, height)
-    for edge in surface.edges:
-        room.take_line(raised(edge.points, height), width=EDGE_PX)
-    middles = raised(np.array([edge.points.mean(axis=0) for edge in surface.edges]), height)
-    centre = np.array(scene.centre or (0.0, 0.0))
-    return [
-        room.place(label, middle.astype(np.float64), away=middle[:2] - centre)
-        for label, middle in zip(labels, middles, strict=True)
-    ]
+    def log_names(self, stream: Stream, bands: Sequence[NDArray[np.floating]] = ()) -> None:
+        """Name the sides outside, clear of their points and of lines (n, 3) such as ``bands``."""
+        surface, scene = self._surface, stream.scene
+        if surface is None:
+            return
+        height = scene.height + LIFT
+        room = Room(edges_eye(scene))
+        room.take_solid(surface.outline, height, height)
+        room.take_points(np.concatenate([np.zeros((0, 3)), *self._edges]), reach=DOT)
+        for line in bands:
+            room.take_line(line, width=DOT)
+        labels = [_label(k, edge) for k, edge in enumerate(surface.edges)]
+        middles = raised(np.array([edge.points.mean(axis=0) for edge in surface.edges]), height)
+        shown = len(labels) <= MOST_CORNERS
+        placed = room.names(
+            labels if shown else [""] * len(labels),
+            middles,
+            away=middles[:, :2] - np.array(scene.centre or (0.0, 0.0)),
+        )
+        stream.names(
+            "surface/chosen/names", placed.places, labels, shown=shown, leaders=placed.leaders
+        )
 
 
 def _label(number: int, edge: SurfaceEdge) -> str:
@@ -185,7 +197,7 @@ def _label(number: int, edge: SurfaceEdge) -> str:
 
 
 def _log_line(
-    stream: Stream, path: str, line: np.typing.NDArray[np.float32], tint: palette.Colour, name: str
+    stream: Stream, path: str, line: NDArray[np.float32], tint: palette.Colour, name: str
 ) -> None:
     stream.log(
         path,

@@ -47,8 +47,13 @@ def residuals(metres: Floats) -> str:
     finite = 1000 * metres[np.isfinite(metres)]
     near = np.abs(finite[np.abs(finite) < CLUTTER_MM])
     median, most = np.percentile(near, [50, 95]) if len(near) else (np.nan, np.nan)
+    far = len(finite) - len(near)
     return (
         f"Residuals of {len(near)} edge points: half are within {median:.1f} mm, "
-        f"95 % within {most:.1f} mm. {len(finite) - len(near)} more are {CLUTTER_MM:.0f} mm or "
-        "further away: clutter, not the table's edge."
+        f"95 % within {most:.1f} mm."
+    ) + (
+        f" {far} more {'is' if far == 1 else 'are'} {CLUTTER_MM:.0f} mm or further away: clutter, "
+        "not the table's edge."
+        if far
+        else ""
     )

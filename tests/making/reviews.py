@@ -70,23 +70,26 @@ def columns(path: Path, entity: str, name: str) -> list[list[object]]:
 
 def eye_of_first_view(path: Path) -> Eye:
     """Where the eye of the last layout's first view begins."""
-    found: list[Eye] = []
+    return eye_of(path, "Table and stops")
+
+
+def eye_of(path: Path, name: str) -> Eye:
+    """Where the eye of the view whose name so begins stands in the largest layout: the last."""
     reader = RrdReader(path)
-    for store in reader.blueprints():
-        eyes: dict[str, Eye] = {}
-        names: dict[str, str] = {}
-        for chunk in reader.stream(store=store):
-            rows = chunk.to_record_batch().to_pydict()
-            view = "/".join(chunk.entity_path.split("/")[:3])
-            for name in rows.get("ViewBlueprint:display_name", []):
-                names[view] = str(name[0])
-            if "EyeControls3D:position" in rows:
-                (position,), (target,) = (
-                    rows[f"EyeControls3D:{one}"][-1] for one in ("position", "look_target")
-                )
-                eyes[view] = Eye(tuple(position), tuple(target))
-        found += [eye for view, eye in eyes.items() if names.get(view) == "Table and stops"]
-    return found[-1]
+    layouts = [list(reader.stream(store=store)) for store in reader.blueprints()]
+    eyes: dict[str, Eye] = {}
+    names: dict[str, str] = {}
+    for chunk in max(layouts, key=len):
+        rows = chunk.to_record_batch().to_pydict()
+        view = "/".join(chunk.entity_path.split("/")[:3])
+        for one in rows.get("ViewBlueprint:display_name", []):
+            names[view] = str(one[0])
+        if "EyeControls3D:position" in rows:
+            (position,), (target,) = (
+                rows[f"EyeControls3D:{one}"][-1] for one in ("position", "look_target")
+            )
+            eyes[view] = Eye(tuple(position), tuple(target))
+    return next(eye for view, eye in eyes.items() if names[view].startswith(name))
 
 
 def manifest(path: str = "/laps/lap.mcap") -> Manifest:

@@ -25,8 +25,6 @@ def test_all_shown_labels_have_the_labels_colour(review: Path) -> None:
     assert palette.LABEL == (255, 255, 255)
     found = 0
     for chunk in RrdReader(review).stream():
-        if chunk.entity_path.startswith("/registration/graph"):
-            continue  # nodes without a colour have the theme's own, on the theme's background
         rows = chunk.to_record_batch().to_pydict()
         for name in [one for one in rows if one.endswith(":labels")]:
             kind, texts = name.split(":")[0], rows[name]
@@ -57,7 +55,7 @@ def test_each_view_with_labels_has_the_palette_s_background(review: Path) -> Non
     red, green, blue = palette.BACKGROUND
     dark = (red << 24) + (green << 16) + (blue << 8) + 255
     for view, kind in named.items():
-        if kind not in ("TextDocument", "TextLog", "Graph"):
+        if kind not in ("TextDocument", "TextLog"):
             assert backgrounds.get(view) == dark, kind
 
 

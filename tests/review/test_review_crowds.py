@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
+from tablemap import palette
 from tablemap.events import StageFinished, StageStarted
 from tablemap.model import TableModel
 from tablemap.review.alignment import WORST_PAIRS
+from tablemap.review.matrix import CELL
 from tablemap.review.text import letter, pair_residual, worst_first
 from tablemap.stages.odometry import OdometryMap, OdometryScan
 from tablemap.stages.registration import Registration
@@ -100,6 +102,31 @@ def test_a_stop_shows_its_own_pairs_camera_and_points(run: list[object], review:
     for entity in ("/registration/graph_at_stop", "/stop/camera", "/stop/points"):
         assert timelines(review, entity) >= {"snapshot", "sensor_time"}
         assert "stage" not in timelines(review, entity)
+
+
+def test_the_matrix_has_every_pair(run: list[object], review: Path) -> None:
+    """In the cell of its stops, on both sides of the diagonal, grey where it was dropped.
+
+    Of several pairs of two stops it shows the worst used one. The stop at the cursor is framed.
+    """
+    registration = registration_of(run)
+    (places,) = columns(review, "/registration/matrix/pairs", "Points2D:positions")
+    (tints,) = columns(review, "/registration/matrix/pairs", "Points2D:colors")
+    (labels,) = columns(review, "/registration/matrix/pairs", "Points2D:labels")
+    cells = [tuple((np.array(one) // CELL).astype(int)) for one in places]
+    both = {(pair.source, pair.target) for pair in registration.pairs}
+    assert sorted(cells) == sorted(both | {(b, a) for a, b in both})
+    red, green, blue = palette.LEFT_OUT.on_dark
+    grey = (red << 24) + (green << 16) + (blue << 8) + 255
+    for cell, tint, label in zip(cells, tints, labels, strict=True):
+        here = [one for one in registration.pairs if {one.source, one.target} == set(cell)]
+        used = [one for one in here if one.used]
+        assert (tint == grey) == (not used)
+        if used:
+            worst = max(pair_residual(registration, one) for one in used)
+            assert str(label).endswith(f"off by {1000 * worst:.1f} mm")
+    frames = columns(review, "/registration/matrix/at_stop", "Boxes2D:centers")
+    assert [round(one[0][1] / CELL - 0.5) for one in frames] == list(range(STOPS))
 
 
 def test_a_stop_shows_its_worst_pair(run: list[object], review: Path) -> None:

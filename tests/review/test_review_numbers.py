@@ -112,7 +112,8 @@ def test_residuals_are_told_alike(run: list[object]) -> None:
     """One sentence on the edge points, the clutter apart, on the page and in the viewer."""
     surface = the(Surface, run)
     assert isinstance(surface, Surface)
-    (said,) = re.findall(r"Residuals of [^<]*further away", page(run))
+    (said,) = re.findall(r"Residuals of [^<]* mm\.", page(run))
+    assert "clutter" not in said  # there is none
     assert said in text.surface(surface)
     far = np.concatenate([surface.residuals, [0.4, -0.5]])
     assert wording.residuals(far).startswith(said.split(". ")[0])

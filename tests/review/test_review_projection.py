@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy import ndimage
 
-from tablemap.review.projection import in_image
+from tablemap.events import OfTable, OtherTable
+from tablemap.model import TableModel
+from tablemap.review.projection import edge_points_seen, in_image
+from tablemap.stages.outline import Outline
 from tests.making import made_up_run as made_up
+from tests.making.reviews import columns, write
 
 STOPS = 8
 FLOOR = 0.2
@@ -66,3 +72,25 @@ def test_what_is_behind_the_camera_is_not_drawn() -> None:
     assert np.isfinite(pieces[0]).all()
     behind = pose(0) @ np.array([[-1.0, 0.0, 0.0, 1.0], [-3.0, 0.0, 0.0, 1.0]]).T
     assert in_image(shot, pose(0), behind[:3].T, dashed=False) == []
+
+
+def test_another_table_has_one_image_wherever_the_cursor_is(tmp_path: Path) -> None:
+    """The one that shows most of its edge, with its lines: those of that snapshot and no other."""
+    run = made_up.results(stops=STOPS)
+    model = next(one for one in run if isinstance(one, TableModel))
+    outline = next(
+        one.result for one in run if isinstance(one, OfTable) and isinstance(one.result, Outline)
+    )
+    others = [OtherTable(1, model) if isinstance(one, OtherTable) else one for one in run]
+    path = write(tmp_path / "other" / "run.rrd", others)
+    seen = edge_points_seen(outline)
+    best = max((k for k in seen if k != 5), key=lambda k: seen[k])  # stop 5 is not used
+    (lines,) = {str(one) for one in columns(path, "/tables/01/view/outline", "LineStrips2D:strips")}
+    own = columns(path, "/tables/01/camera/model/outline", "LineStrips2D:strips")
+    stamps = columns(path, "/tables/01/camera/model/outline", "snapshot")
+    at = {str(stamp): str(strips) for stamp, strips in zip(stamps, own, strict=True)}
+    assert at[str(best)] == lines
+    assert len(set(at.values())) == STOPS
+    images = columns(path, "/tables/01/view/image", "EncodedImage:blob")
+    images += columns(path, "/tables/01/view/image", "EncodedDepthImage:blob")
+    assert images
