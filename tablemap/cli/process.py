@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Generator, Iterator
+from contextlib import closing, contextmanager, nullcontext
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -131,25 +132,47 @@ def process(
             raise typer.BadParameter("--scheduler needs an --output that its workers can see.")
         ends = Ends(strict=strict, address=place.address)
         job = Job(place.folder, resolved, follow=_follow(live=live))
-        for outcome in _outcomes(paths, job, many, again=again, quiet=quiet):
-            ends.add(outcome)
-            run = outcome.run.path if outcome.run else None
-            if outcome.model and run and formats:
-                complete &= _export_processed(run, formats, resolved, quiet=quiet)
-            if run:
-                complete &= _publish(place, run)
-            if as_json:
-                say(json.dumps(outcome_line(outcome, place.address)))
-            elif outcome.error and outcome.status == "failed":
-                complain(_named(outcome, among=len(paths)))
-            if run and not quiet and len(paths) == 1:
-                shown = place.address(run) if place.is_remote else run
-                _print_outcome(outcome, shown, as_json=as_json)
+        outcomes = closing(_outcomes(paths, job, many, again=again, quiet=quiet))
+        is_told = len(paths) > 1 and not quiet and not place.is_remote
+        with _left_at_an_end(paths, place.folder) if is_told else nullcontext(), outcomes as found:
+            for outcome in found:
+                ends.add(outcome)
+                run = outcome.run.path if outcome.run else None
+                if outcome.model and run and formats:
+                    complete &= _export_processed(run, formats, resolved, quiet=quiet)
+                if run:
+                    complete &= _publish(place, run)
+                if as_json:
+                    say(json.dumps(outcome_line(outcome, place.address)))
+                elif outcome.error and outcome.status == "failed":
+                    complain(_named(outcome, among=len(paths)))
+                if run and not quiet and len(paths) == 1:
+                    shown = place.address(run) if place.is_remote else run
+                    _print_outcome(outcome, shown, as_json=as_json)
     if len(paths) > 1 and not quiet:
         say(aligned(ends.rows), err=as_json)
         for line in ends.lines:
             say(line, err=as_json)
     raise typer.Exit(ends.code if complete else 1)
+
+
+@contextmanager
+def _left_at_an_end(paths: list[Input], folder: Path) -> Iterator[None]:
+    """Print which folders several recordings left, and how they ended, on an interruption."""
+    from tablemap.runs.jobs import runs_of
+
+    begun = datetime.now(UTC).isoformat(timespec="seconds")
+    try:
+        yield
+    except KeyboardInterrupt:
+        runs = [run for path in paths for run in runs_of(path, folder)]
+        rows = [
+            (run.manifest.status, str(run.path)) for run in runs if run.manifest.started >= begun
+        ]
+        if rows:
+            say(aligned(rows), err=True)
+            say("open one  tablemap view RUN", err=True)
+        raise
 
 
 def _print_outcome(outcome: Outcome, run: Path | str, *, as_json: bool) -> None:
@@ -229,7 +252,7 @@ def _many(scheduler: str | None, jobs: int) -> Many | None:
 
 def _outcomes(
     recordings: list[Input], job: Job, many: Many | None, *, again: bool, quiet: bool
-) -> Iterator[Outcome]:
+) -> Generator[Outcome]:
     """Return existing runs of recordings that are done already; process the others."""
     from tablemap.runs import done_already
     from tablemap.runs.running import Outcome

@@ -206,6 +206,35 @@ def test_an_interrupted_run_says_so(
     assert not (folder / "table.json").exists()
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are POSIX's")
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_an_interruption_of_several_says_what_each_left(
+    jobs: str, demo_recording: Path, tmp_path: Path
+) -> None:
+    """The folders of all that were begun, how they ended, and the command that opens one."""
+    (tmp_path / "text.mcap").write_text("no recording")
+    (tmp_path / "runs" / "demo" / "20200101T000000-00000000").mkdir(parents=True)
+    running = subprocess.Popen(
+        [*TABLEMAP, "process", "text.mcap", str(demo_recording), "-o", "runs", "--jobs", jobs],
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    deadline = time.monotonic() + 120
+    while not list(tmp_path.glob("runs/demo/*/run.rrd")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    time.sleep(0.5)
+    running.send_signal(signal.SIGINT)
+    _, errors = running.communicate(timeout=120)
+    assert running.returncode == 130, errors
+    assert "Traceback" not in errors
+    *_, first, second, last = errors.strip().splitlines()
+    assert re.fullmatch(r"failed +\S*runs/text/[-\w]+", first)
+    assert re.fullmatch(r"interrupted +\S*runs/demo/[-\w]+", second)
+    assert last == "open one  tablemap view RUN"
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="limits are POSIX's")
 def test_a_disk_that_takes_no_more_fails_the_run_and_ends_it(
     demo_recording: Path, tmp_path: Path
@@ -392,6 +421,22 @@ def test_piped_output_has_no_colour(tmp_path: Path) -> None:
         "started              status  verdict  shape      size           height  run\n"
         "2026-05-01 12:00:00  ok      good     rectangle  1.187 x 0.806  0.743   demo/one\n"
     )
+
+
+def test_a_list_has_the_begin_of_a_long_error(tmp_path: Path) -> None:
+    """So that a line stays one that is read; `runs show` and JSON have all of it."""
+    run = make_run(tmp_path / "runs", "stairs/one", None)
+    file = run.path / "manifest.json"
+    error = "no surface gave a table: " + "--near 1.00 2.00 (0.74 m high), " * 12
+    manifest = json.loads(file.read_text(encoding="utf-8"))
+    file.write_text(json.dumps({**manifest, "status": "failed", "error": error}), encoding="utf-8")
+    (_, line) = tablemap("runs", "list", tmp_path / "runs").stdout.splitlines()
+    assert line.endswith("...")
+    assert error[:60] in line
+    assert error[:120] not in line
+    (row,) = json.loads(tablemap("runs", "list", tmp_path / "runs", "--json").stdout)
+    assert row["error"] == error
+    assert error.strip() in tablemap("runs", "show", run.path).stdout
 
 
 @pytest.mark.parametrize(

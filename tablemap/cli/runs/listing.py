@@ -13,9 +13,14 @@ from tablemap.cli import completing
 from tablemap.cli.options import Json
 from tablemap.cli.printing import aligned, metres_text, say, size_text
 from tablemap.cli.runs.app import Statuses, runs_app
+from tablemap.words import shortened
 
 if TYPE_CHECKING:
     from tablemap.archive.index import RunRow
+
+
+MOST_OF_ERROR = 90
+"""Letters of a run's error that fit beside its other columns; `runs show` has all of it."""
 
 
 @runs_app.command("list")
@@ -96,7 +101,8 @@ def _run_rows(rows: Sequence[RunRow]) -> Iterator[tuple[str, ...]]:
         size, height = size_text(row.shape, row.figures), metres_text(row.figures.get("height"))
         begun = row.started[:19].replace("T", " ")
         cells = (begun, row.status, row.verdict or "", row.shape or "", size, height, row.path)
-        yield (*cells, " ".join((row.error or "").split())) if failed else cells
+        error = shortened(" ".join((row.error or "").split()), most=MOST_OF_ERROR)
+        yield (*cells, error) if failed else cells
 
 
 def _print_csv(rows: Sequence[RunRow]) -> None:
