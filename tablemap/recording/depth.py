@@ -112,7 +112,7 @@ def _png_pixels(data: memoryview) -> NDArray[np.uint16]:
         pixels = np.asarray(picture)
     if pixels.ndim != 2:
         raise ValueError("the PNG has colours")
-    return pixels.astype(np.uint16)
+    return pixels.astype(np.uint16, copy=False)
 
 
 def _check_size(width: int, height: int) -> None:

@@ -31,20 +31,20 @@ def combine(images: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
 
 
 def _combined(images: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
-    stack = np.stack(images).astype(np.float32)
-    first = stack[0].copy()
-    ordered = _sorted(np.where(np.isfinite(stack), stack, np.float32(np.inf)))
+    most = len(images)
+    # A missing value is the largest one, so that it comes last.
+    ordered = _sorted(np.fmin(np.stack(images), np.float32(np.inf)))
     valid = np.isfinite(ordered).sum(axis=0, dtype=np.int16)
-    enough = 2 * valid > len(images)
+    enough = 2 * valid > most
+    # Most pixels have a value in all images, and so one rank for all of them.
+    ranks = ordered.reshape(most, -1)
+    lacking = np.flatnonzero(valid < most)
+    last, whole = np.maximum(valid.ravel()[lacking] - 1, 0), np.array([most - 1])
 
     def quantile(numerator: int) -> NDArray[np.float32]:
-        # Ranks are rounded outward on both sides, so that one outlier does not decide.
-        last = valid - 1
-        rank = last * numerator // 4 if numerator <= 2 else last - last * (4 - numerator) // 4
-        picked: NDArray[np.float32] = ordered[0].copy()
-        for place in range(1, len(ordered)):
-            np.copyto(picked, ordered[place], where=rank == place)
-        return picked
+        picked: NDArray[np.float32] = ranks[_rank(numerator, whole)][0]
+        picked[lacking] = ranks[_rank(numerator, last), lacking]
+        return picked.reshape(valid.shape)
 
     median = np.where(enough, quantile(2), np.float32(np.nan))
     lower, upper = np.where(enough, quantile(1), 0), np.where(enough, quantile(3), 0)
@@ -56,14 +56,21 @@ def _combined(images: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
             close = np.abs(each - median) <= gate
             number += close
             total += np.where(close, each, np.float32(0))
-    combined = np.full(median.shape, np.nan, dtype=np.float32)
-    kept = steady & (number > 0)
-    combined[kept] = total[kept] / number[kept]
-    split = 2 * valid == len(images)
-    if len(images) == 2:
+    mean = total / np.maximum(number, 1)
+    combined = np.where(steady & (number > 0), mean, np.nan).astype(np.float32)
+    split = 2 * valid == most
+    if most == 2:
         split |= enough & ~steady
-    combined[split] = np.where(np.isfinite(first), first, np.nan)[split]
+    np.copyto(combined, images[0], where=split)
     return combined
+
+
+def _rank(numerator: int, last: NDArray[np.integer]) -> NDArray[np.integer]:
+    """Return the rank of a quartile among the ranks up to the ``last`` one.
+
+    Ranks are rounded outward on both sides, so that one outlier does not decide.
+    """
+    return last * numerator // 4 if numerator <= 2 else last - last * (4 - numerator) // 4
 
 
 def _sorted(stack: NDArray[np.float32]) -> NDArray[np.float32]:
