@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from tablemap.geometry import Floats
-from tablemap.stages.segmentation.surfaces import CELL_M, MERGE_HEIGHT, Patch
+from tablemap.stages.segmentation.surfaces import CELL_M, MERGE_HEIGHT, Patch, convex
 
 # Limits for patches of different views to be one surface, if heights agree (`MERGE_HEIGHT`).
 _MERGE_OVERLAP = 0.15  # least share of the smaller patch that the other covers
@@ -40,7 +40,7 @@ class Group:
 
 def hull(points: Floats) -> shapely.Geometry:
     """Return the convex hull of cells' centres (n, 2), half a cell wider on all sides."""
-    return shapely.MultiPoint(points).convex_hull.buffer(CELL_M / 2)
+    return convex(points).buffer(CELL_M / 2)
 
 
 def grouped(patches: list[Patch]) -> list[Group]:

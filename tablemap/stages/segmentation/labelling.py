@@ -18,6 +18,7 @@ from tablemap.stages.segmentation.views import (
     inside,
     is_parted,
     tolerance,
+    ways_to,
 )
 from tablemap.words import counted
 
@@ -171,6 +172,7 @@ def _joined(
     result = [main]
     if not top.any():
         return result
+    to_top = ways_to(top)
     bridge = np.bincount(bridges[top], minlength=2)
     bridge[0] = 0
     for k in close:
@@ -182,7 +184,7 @@ def _joined(
             continue
         # A cup in front of a chair touches both in the image: the pixels elsewhere between decide.
         gap = through & (thin == 0)
-        if not is_parted(other, top, gap) and not is_parted(top, other, gap):
+        if not is_parted(other, to_top, gap) and not is_parted(top, ways_to(other), gap):
             result.append(int(k))
     return result
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import shapely
@@ -12,7 +13,13 @@ from scipy import ndimage
 from tablemap.config import SegmentationConfig
 from tablemap.geometry import Bools, Floats, Ints
 from tablemap.masks import grown, opened, shrunk
-from tablemap.stages.segmentation.views import LEAST_UPWARD, SampledView, is_parted, tolerance
+from tablemap.stages.segmentation.views import (
+    LEAST_UPWARD,
+    SampledView,
+    is_parted,
+    tolerance,
+    ways_to,
+)
 
 BIN_M = 0.005
 MOST_LEVELS = 8
@@ -85,9 +92,10 @@ def find_patches(view: SampledView, config: SegmentationConfig) -> list[Patch]:
         labels, count = ndimage.label(opened(near, 3))
         if count == 0:
             continue
-        areas = ndimage.sum_labels(view.area, labels, np.arange(1, count + 1))
+        areas = np.bincount(labels.ravel(), weights=view.area.ravel(), minlength=count + 1)
+        areas[0] = 0.0
         for k in np.flatnonzero(areas >= least):
-            masks.append(labels == k + 1)
+            masks.append(labels == k)
             patches.append(_describe(view, masks[-1], float(areas[k]), len(patches)))
     return _told_apart(view, patches, masks)
 
@@ -97,6 +105,11 @@ def _told_apart(view: SampledView, patches: list[Patch], masks: list[Bools]) -> 
     parted: list[set[int]] = [set() for _ in patches]
     thin = [mask[::GAP_STEP_PX, ::GAP_STEP_PX] for mask in masks]
     z = view.points[::GAP_STEP_PX, ::GAP_STEP_PX, 2]
+
+    @cache
+    def towards(i: int) -> NDArray[np.int32]:
+        return ways_to(thin[i])
+
     for i, first in enumerate(patches):
         for j, second in enumerate(patches[:i]):
             if abs(first.height - second.height) > MERGE_HEIGHT:
@@ -107,7 +120,7 @@ def _told_apart(view: SampledView, patches: list[Patch], masks: list[Bools]) -> 
                 below = z < min(first.height, second.height) - MERGE_HEIGHT
             # One pixel below is noise; four in a square are a gap.
             gap = shrunk(below, 2)
-            if is_parted(thin[i], thin[j], gap) or is_parted(thin[j], thin[i], gap):
+            if is_parted(thin[i], towards(j), gap) or is_parted(thin[j], towards(i), gap):
                 parted[i].add(j)
                 parted[j].add(i)
     return [replace(p, parted=frozenset(q)) for p, q in zip(patches, parted, strict=True)]
@@ -183,9 +196,16 @@ def _count(region: Bools, cells: Ints) -> int:
     return int((region & (hits >= 2)).sum())
 
 
+def convex(points: NDArray[np.number]) -> shapely.Geometry:
+    """Return the convex hull of points (n, 2), at least one."""
+    # Of a line through the points: many points are many objects.
+    return shapely.convex_hull(shapely.linestrings(np.concatenate([points, points[:1]])))
+
+
 def _convex(grid: Bools) -> Bools:
     """Return the convex hull of a grid's cells."""
-    hull = shapely.MultiPoint(np.argwhere(grid)).convex_hull.buffer(0.5)
+    hull = convex(np.argwhere(grid)).buffer(0.5)
+    shapely.prepare(hull)
     rows, columns = np.indices(grid.shape)
     inside: Bools = shapely.contains_xy(hull, rows.ravel(), columns.ravel()).reshape(grid.shape)
     return inside
@@ -209,8 +229,7 @@ def surroundings(view: SampledView, places: Floats, height: float) -> tuple[floa
     whole = _convex(grid)
     inner = shrunk(whole, 5, outside=False)
     rim = grown(whole, 5) & ~inner
-    # One axis at a time: short rows of three are slow.
-    x, y, z = np.ascontiguousarray(view.points[np.isfinite(view.points[..., 2])].T)
+    x, y, z = view.measured
     camera = view.snapshot.base_from_camera[:3, 3]
     lower = z < height - _UNDER_M
     upper = (z > height + 0.10) & (z < height + 0.70)

@@ -57,6 +57,12 @@ class SampledView:
         """The (h, w) square metres that each pixel covers on a horizontal surface."""
         return self.area_of(np.ones(self.steep.shape, dtype=bool)).reshape(self.steep.shape)
 
+    @cached_property
+    def measured(self) -> NDArray[np.float32]:
+        """The points that were measured: their x, y and z (3, n), metres in the base."""
+        # One axis at a time: short rows of three are slow.
+        return np.ascontiguousarray(self.points[np.isfinite(self.points[..., 2])].T)
+
     def area_of(self, pixels: Bools) -> NDArray[np.float32]:
         """Return the (n,) square metres of some pixels, given as a mask (h, w)."""
         camera = self.snapshot.camera
@@ -126,18 +132,25 @@ def inside(area: shapely.Geometry, points: NDArray[np.float32], among: Bools) ->
     grid = np.array(raster, dtype=bool)
     column = ((x - np.float32(left)) / np.float32(CELL_M)).astype(np.int32)
     row = ((y - np.float32(bottom)) / np.float32(CELL_M)).astype(np.int32)
-    result.flat[index] = grid[np.clip(row, 0, cells[1] - 1), np.clip(column, 0, cells[0] - 1)]
+    result.reshape(-1)[index] = grid[np.clip(row, 0, cells[1] - 1), np.clip(column, 0, cells[0] - 1)]
     return result
 
 
-def is_parted(first: Bools, second: Bools, through: Bools) -> bool:
+def ways_to(surface: Bools) -> NDArray[np.int32]:
+    """Return (2, h, w) row and column of the pixel of a surface (h, w) that is nearest to each."""
+    nearest: NDArray[np.int32] = ndimage.distance_transform_edt(
+        ~surface, return_distances=False, return_indices=True
+    )
+    return nearest
+
+
+def is_parted(first: Bools, to_second: NDArray[np.int32], through: Bools) -> bool:
     """Tell whether the shortest way between two surfaces mostly crosses pixels of a gap.
 
-    All arguments are masks of one image; both surfaces have pixels.
+    ``first`` and ``through``, the gap, are masks of one image, ``to_second`` are the `ways_to` the
+    other surface; both surfaces have pixels.
     """
-    rows, columns = ndimage.distance_transform_edt(
-        ~second, return_distances=False, return_indices=True
-    )
+    rows, columns = to_second
     v, u = np.nonzero(first)
     pick = np.linspace(0, len(v) - 1, min(len(v), 40)).astype(np.int64)
     v, u = v[pick], u[pick]
