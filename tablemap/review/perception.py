@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from tablemap import palette
-from tablemap.geometry import Floats, transform
+from tablemap.geometry import Bools, Floats, transform
 from tablemap.review import colours, text
 from tablemap.review.clouds import closed, middles, thinned
 from tablemap.review.eyes import views_eye
@@ -131,11 +131,11 @@ class Perception:
         """Log the points of snapshots that nobody labelled, for a run that ended before that."""
         for snapshot in self._snapshots:
             stream.at(snapshot.stamp_ns, snapshot=snapshot.index)
-            points = snapshot.points_in_base()
-            points[..., 2] += stream.scene.floor_z
-            step = max(1, points.shape[1] // CLOUD_WIDTH)
-            few = points[::step, ::step].reshape(-1, 3)
-            seen = transform(snapshot.map_from_base.lifted(), few[np.isfinite(few).all(axis=1)])
+            step = max(1, snapshot.depth.shape[1] // CLOUD_WIDTH)
+            few = np.zeros(snapshot.depth.shape, dtype=bool)
+            few[::step, ::step] = np.isfinite(snapshot.depth[::step, ::step])
+            points = _points_of(snapshot, few, stream.scene.floor_z)
+            seen = transform(snapshot.map_from_base.lifted(), points)
             stream.log(
                 "segmentation/points",
                 rr.Points3D(
@@ -167,37 +167,40 @@ class Perception:
                 stream.log_flat(
                     "log", rr.TextLog(f"snapshot {view.index} set aside: {reason}", level="INFO")
                 )
-            points = snapshot.points_in_base()
-            points[..., 2] += scene.floor_z
             if view.sees_table:
-                self._keep(stream, view, points)
+                self._keep(stream, view, snapshot)
             coarse = max(1, -(-view.labels.shape[1] // SHOWN_WIDTH))
             labels = np.ascontiguousarray(view.labels[::coarse, ::coarse])
             stream.log_flat("segmentation/labels", rr.SegmentationImage(labels))
             step = max(1, view.labels.shape[1] // CLOUD_WIDTH)
-            few, classes = points[::step, ::step], view.labels[::step, ::step]
-            seen = np.isfinite(few).all(axis=-1) & (classes != Label.UNKNOWN)
-            in_map = transform(snapshot.map_from_base.lifted(), few[seen]).astype(np.float32)
+            few = np.zeros(view.labels.shape, dtype=bool)
+            few[::step, ::step] = view.labels[::step, ::step] != Label.UNKNOWN
+            seen = few & np.isfinite(snapshot.depth)
+            points = _points_of(snapshot, seen, scene.floor_z)
+            in_map = transform(snapshot.map_from_base.lifted(), points).astype(np.float32)
             self._seen[view.index] = thinned(in_map, COARSE)
             stream.log(
                 "segmentation/points",
                 rr.Points3D(
                     in_map,
-                    class_ids=classes[seen],
+                    class_ids=view.labels[seen],
                     radii=rr.Radius.ui_points(2.0),
                 ),
             )
 
-    def _keep(self, stream: Stream, view: ViewSegmentation, points: Floats) -> None:
+    def _keep(self, stream: Stream, view: ViewSegmentation, snapshot: Snapshot) -> None:
         """Keep points for the registration's drawing: the top's rim, some inside, the clutter."""
-        cell = stream.config.voxel
-        is_top = (view.labels == Label.TOP) & np.isfinite(points[..., 2])
+        cell, scene = stream.config.voxel, stream.scene
+        measured = np.isfinite(snapshot.depth)
+        is_top = (view.labels == Label.TOP) & measured
         inside = ndimage.binary_erosion(is_top, iterations=2)
-        rim = thinned(points[is_top & ~inside], cell)
-        sparse = thinned(points[inside], INSIDE_CELLS * cell)
-        stream.scene.tops[view.index] = np.concatenate([rim, sparse])
-        on_top = (view.labels == Label.ON_TOP) & np.isfinite(points[..., 2])
-        stream.scene.clutter[view.index] = thinned(points[on_top], cell)
+
+        def kept(pixels: Bools, cell: float) -> NDArray[np.float32]:
+            return thinned(_points_of(snapshot, pixels, scene.floor_z), cell)
+
+        rim, sparse = kept(is_top & ~inside, cell), kept(inside, INSIDE_CELLS * cell)
+        scene.tops[view.index] = np.concatenate([rim, sparse])
+        scene.clutter[view.index] = kept((view.labels == Label.ON_TOP) & measured, cell)
 
     def log_tables_found(self, stream: Stream, found: TablesFound) -> None:
         """Log the candidate tables before the choice, so that they are there if it fails."""
@@ -247,6 +250,13 @@ class Perception:
                 among=segmentation.candidates,
                 show_labels=name == "chosen",
             )
+
+
+def _points_of(snapshot: Snapshot, pixels: Bools, floor_z: float) -> Floats:
+    """Return the points (n, 3) of some pixels (height, width) in the base, over the map's zero."""
+    points = snapshot.points_of(pixels)
+    points[:, 2] += floor_z
+    return points
 
 
 def _log_hulls(

@@ -132,7 +132,9 @@ def inside(area: shapely.Geometry, points: NDArray[np.float32], among: Bools) ->
     grid = np.array(raster, dtype=bool)
     column = ((x - np.float32(left)) / np.float32(CELL_M)).astype(np.int32)
     row = ((y - np.float32(bottom)) / np.float32(CELL_M)).astype(np.int32)
-    result.reshape(-1)[index] = grid[np.clip(row, 0, cells[1] - 1), np.clip(column, 0, cells[0] - 1)]
+    result.reshape(-1)[index] = grid[
+        np.clip(row, 0, cells[1] - 1), np.clip(column, 0, cells[0] - 1)
+    ]
     return result
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tablemap.config import DepthCamera
 from tablemap.errors import ProcessWarning
-from tablemap.geometry import Floats, Ints, Pose2, transform
+from tablemap.geometry import Bools, Floats, Ints, Pose2, transform
 from tablemap.recording.messages import CompressedImage, Image
 from tablemap.stages.snapshots.noise import DepthNoise, depth_noise
 
@@ -96,6 +96,11 @@ class Snapshot:
     def points_in_base(self) -> Floats:
         """Return (height, width, 3) float64 points in the base, NaN where depth is missing."""
         return transform(self.base_from_camera, self.camera.rays * self.depth[..., None])
+
+    def points_of(self, pixels: Bools) -> Floats:
+        """Return (n, 3) float64 points in the base of some pixels, a mask (height, width)."""
+        rays, depth = self.camera.rays[pixels], self.depth[pixels]
+        return transform(self.base_from_camera, rays * depth[:, None])
 
     def corrected(self, *, base_from_camera: Floats, depth_scale: float) -> Snapshot:
         """Return this snapshot with another mounting and its depth multiplied by a scale."""
