@@ -132,6 +132,9 @@ class MadeUpRecording(Recording):
         self.warnings = []
         self.offsets = rng.normal(size=(stops, 3)) * np.array([0.05, 0.05, 0.03])
 
+    def close(self) -> None:
+        """There is no file."""
+
     def stamp(self, index: int) -> int:
         """The middle of a stop."""
         return START_NS + index * STOP_NS + STOP_NS // 2
