@@ -294,7 +294,7 @@ def _log_dropped(stream: Stream, registration: Registration) -> None:
         later = max(pair.source, pair.target)
         stream.at(stamps[later], snapshot=later)
         message = f"{pair.kind} pair {pair.source} to {pair.target} dropped: {pair.reason}"
-        stream.log_flat("log", rr.TextLog(message, level="INFO"))
+        stream.say(message)
     stream.hold()
 
 

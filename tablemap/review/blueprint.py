@@ -48,7 +48,7 @@ def blueprint(scene: DrawnScene) -> rrb.Blueprint:
 def _overview(scene: DrawnScene) -> rrb.Container:
     shown = [
         "/model/**",
-        "/surface/beside/**",
+        "/surface/beside",
         "/registration/bases/**" if len(scene.localised) <= FEW_STOPS else "/registration/stops/**",
         "/registration/after/scan/**",
         "/trajectory/registered" if len(scene.localised) <= FEW_STOPS else "/trajectory/cameras",

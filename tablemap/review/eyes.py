@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -47,6 +48,7 @@ Overrides = dict[Any, Override]
 
 def overview_eye(scene: DrawnScene) -> Eye:
     """Return the eye of the first view: of the whole table and the stops round it."""
+    scene = _of_all_found(scene)
     return _overview_eye(scene, between_stops(scene))
 
 
@@ -101,7 +103,16 @@ def table_eye(scene: DrawnScene) -> Eye:
 
 def views_eye(scene: DrawnScene) -> Eye:
     """Return the eye of the segmented views: rather flat, as the camera looked."""
+    scene = _of_all_found(scene)
     return _eye(scene, _middle(scene), ROUND * _surround(scene), 0.8)
+
+
+def _of_all_found(scene: DrawnScene) -> DrawnScene:
+    """Return a scene whose table is all that was found: where none was a table, that is of use."""
+    if not scene.failed or scene.found is None:
+        return scene
+    centre, extent = scene.found
+    return replace(scene, centre=centre, extent=extent)
 
 
 def stops_eye(scene: DrawnScene) -> Eye:
@@ -117,6 +128,11 @@ def edges_eye(scene: DrawnScene) -> Eye:
 def legs_eye(scene: DrawnScene) -> Eye:
     """Return the eye of the legs."""
     return _eye(scene, scene.centre or (0.0, 0.0), NEAR * scene.extent, STEEPNESS)
+
+
+def pair_eye(scene: DrawnScene) -> Eye:
+    """Return the eye of a single pair: of the room that most of the pairs' points lie in."""
+    return Eye(*scene.pair_eye) if scene.pair_eye else stops_eye(scene)
 
 
 def of_pairs(scene: DrawnScene, name: str) -> rrb.Spatial3DView:

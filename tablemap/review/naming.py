@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tablemap.events import OtherTable
-from tablemap.geometry import Pose2
+from tablemap.geometry import Floats, Pose2
 from tablemap.model import TableModel
 from tablemap.review.alignment import BASE_ARROW, FLOOR, MANY_SHARE, base_labels
-from tablemap.review.clouds import middles, raised
+from tablemap.review.clouds import closed, middles, raised
 from tablemap.review.current import camera_of_stop, current_camera, name_of
 from tablemap.review.eyes import overview_eye
 from tablemap.review.motion import TRAJECTORY_HEIGHT
@@ -17,8 +17,10 @@ from tablemap.review.room import Room
 from tablemap.review.solid import take_model
 from tablemap.review.stream import FEW_STOPS, Stream
 from tablemap.review.tables import entity
+from tablemap.review.top import TOUCHES
 from tablemap.stages.odometry import Trajectory
 from tablemap.stages.registration import Registration, StopScan
+from tablemap.stages.surface import Surface
 
 
 class Naming:
@@ -31,14 +33,25 @@ class Naming:
         self._scans: tuple[StopScan, ...] = ()
         self._room: Room | None = None
         self._tables: list[OtherTable] = []
+        self._touching: Floats | None = None
 
     def take_registration(self, registration: Registration) -> None:
         """Take the registered stops and the way between them."""
         self._poses, self._used = registration.map_from_base, registration.used
         self._way, self._scans = registration.trajectory, registration.stop_scans
 
+    def take_surface(self, surface: Surface) -> None:
+        """Take what touches the table at its height."""
+        self._touching = surface.beside
+
     def lines(self, stream: Stream) -> list[NDArray[np.floating]]:
-        """Return what the first view shows of stops and way, as lines (n, 3) in the map."""
+        """Return what the first view shows beside the table, as lines (n, 3) in the map."""
+        touching = self._touching
+        near = [] if touching is None else [closed(touching, stream.scene.height)]
+        return [*near, *self._ways(stream)]
+
+    def _ways(self, stream: Stream) -> list[NDArray[np.floating]]:
+        """Return stops and the way between them as lines (n, 3)."""
         poses = np.array([pose.translation for pose in self._poses]).reshape(-1, 2)
         if len(poses) > FEW_STOPS:
             found = [
@@ -95,11 +108,21 @@ class Naming:
             room.take_line(
                 current_camera(stream.scene, first, self._poses[first], eye=room.eye), width=5
             )
+        self._log_touching(stream, room)
         self._log_tables(stream, room)
         if len(self._poses) <= FEW_STOPS:
             self._log_bases(stream, room)
         self._log_cameras(stream, room)
         stream.hold()
+
+    def _log_touching(self, stream: Stream, room: Room) -> None:
+        """Log the name of what touches the table, which the first view shows as a line."""
+        if self._touching is None or not stream.scene.is_modelled:
+            return
+        line = closed(self._touching, stream.scene.height)
+        away = line[:, :2].mean(axis=0) - np.array(stream.scene.centre or (0.0, 0.0))
+        placed = room.names([TOUCHES], line[:-1].mean(axis=0)[None], away=away)
+        stream.names("model/beside/names", placed.places, [TOUCHES], leaders=placed.leaders)
 
     def _log_tables(self, stream: Stream, room: Room) -> None:
         """Log the name of each table beside the chosen one: its number, as in its tab."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -11,6 +12,7 @@ import rerun as rr
 from tablemap import palette
 from tablemap.geometry import Floats, Pose2
 from tablemap.review import text
+from tablemap.review.room import Eye, Room
 from tablemap.review.stream import Stream
 from tablemap.stages.registration import Pair, PairIteration, PairStarted
 
@@ -23,6 +25,10 @@ FEW_PAIRS = 30
 WIDER = 1.15  # columns over rows
 MOST_POINTS = 360  # of each of a pair's two clouds: a cell has room for so many
 MOST_JUDGED = 500  # of each cloud of the pair that is shown alone
+ROOM_SHARE = 85  # per cent of the targets' points that the view of a single pair shows
+LEAST_ROOM, MOST_ROOM = 1.0, 10.0  # metres round the table in that view
+STEEP = 4.0  # rise of its eye for each metre that it stands back
+BACK = 2.1  # distance of its eye, in what it shows
 SEEN_SHARE = 60  # per cent of the points that must fit in a cell
 
 Key = tuple[int, int]
@@ -123,6 +129,10 @@ def _log_at_stops(
 ) -> None:
     """Log for each stop the worst of its pairs, in the map, and over the iterations the worst."""
     known = [key for key in keys if max(key) < len(poses)]
+    if not known:
+        return
+    eye = _eye_of_pair(stream, [poses[key[1]].apply(sequences[key].target) for key in known])
+    stream.scene.pair_eye = eye.position, eye.target
     for index, stamp in enumerate(stream.scene.stamps_ns[: len(poses)]):
         key = next((one for one in known if index in one), None)
         stream.at_stop(stamp, index)
@@ -130,16 +140,28 @@ def _log_at_stops(
             _empty_pair(stream)
         else:
             sequence = sequences[key]
-            _log_pair(stream, key, sequence, named.get(key), poses[key[1]], sequence.poses[-1])
+            _log_pair(stream, eye, key, sequence, named.get(key), poses[key[1]], sequence.poses[-1])
     for key in known[:1]:
         for step, pose in enumerate(sequences[key].poses):
             stream.at_iteration(step)
-            _log_pair(stream, key, sequences[key], named.get(key), poses[key[1]], pose)
+            _log_pair(stream, eye, key, sequences[key], named.get(key), poses[key[1]], pose)
     stream.hold()
+
+
+def _eye_of_pair(stream: Stream, targets: list[Floats]) -> Eye:
+    """Return an eye above the table from which most of the targets' points (n, 3) are seen."""
+    scene = stream.scene
+    points = np.concatenate(targets)
+    centre = np.array(scene.centre or points[:, :2].mean(axis=0))
+    away = np.percentile(np.linalg.norm(points[:, :2] - centre, axis=1), ROOM_SHARE)
+    back = BACK * float(np.clip(away, LEAST_ROOM, MOST_ROOM)) / math.hypot(1.0, STEEP)
+    target = (float(centre[0]), float(centre[1]), scene.height)
+    return Eye((target[0], target[1] - back, target[2] + STEEP * back), target)
 
 
 def _log_pair(
     stream: Stream,
+    eye: Eye,
     key: Key,
     sequence: _Sequence,
     pair: Pair | None,
@@ -149,6 +171,7 @@ def _log_pair(
     """Log a pair in the map: its target, and its source where ICP began and where it is."""
     begun, moved = (map_from_target @ one for one in (sequence.poses[0], target_from_source))
     target = map_from_target.apply(sequence.target)
+    room = Room(eye)
     for entity, points, tint in (
         ("target", target, palette.TEXT.on_dark),
         ("before", begun.apply(sequence.source), palette.LOCALISED.on_dark),
@@ -159,8 +182,10 @@ def _log_pair(
             f"registration/pair_at_stop/{entity}",
             rr.Points3D(few, colors=[tint], radii=rr.Radius.ui_points(2.0)),
         )
+        room.take_points(few)
     name = text.pair_told(key, pair)
-    stream.names("registration/pair_at_stop/names", target.mean(axis=0)[None], [name])
+    place = room.place(name, np.array(eye.target), away=np.array([0.0, -1.0]))
+    stream.names("registration/pair_at_stop/names", [place], [name])
 
 
 def _empty_pair(stream: Stream) -> None:

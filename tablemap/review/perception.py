@@ -12,11 +12,12 @@ from scipy import ndimage
 from tablemap import palette
 from tablemap.geometry import Bools, Floats, transform
 from tablemap.review import colours, text
-from tablemap.review.clouds import closed, middles, thinned
+from tablemap.review.clouds import closed, middles, raised, thinned
 from tablemap.review.eyes import views_eye
 from tablemap.review.room import LOW, Room
 from tablemap.review.stream import DrawnScene, Stream
 from tablemap.stages.calibration import Calibration
+from tablemap.stages.registration import StopScan
 from tablemap.stages.segmentation import (
     Label,
     Segmentation,
@@ -50,6 +51,15 @@ class Perception:
     def take_snapshots(self, taken: Snapshots) -> None:
         """Take the snapshots as recorded, until they are corrected."""
         self._snapshots = taken.snapshots
+
+    def take_scans(self, stream: Stream, scans: Sequence[StopScan]) -> None:
+        """Take what the laser saw from the stops: names in the views stand clear of it too."""
+        scene = stream.scene
+        for scan in scans:
+            if scan.index in self._seen:
+                points = scene.localised[scan.index].apply(scan.points)
+                drawn = raised(points, scene.laser_height)
+                self._seen[scan.index] = np.concatenate([self._seen[scan.index], drawn])
 
     def log_calibration(self, stream: Stream, calibration: Calibration) -> None:
         """Log the corrections of the camera by the floor."""
@@ -89,8 +99,6 @@ class Perception:
         """Name the candidates again where the picture of the views has room, all if none won."""
         scene = stream.scene
         floor, failed = scene.floor_z, scene.failed
-        if failed:
-            self._look_at_all(scene)
         room = Room(views_eye(scene), LOW)
         for one in self._found:
             if len(one.hull):
@@ -164,9 +172,7 @@ class Perception:
             stream.at(snapshot.stamp_ns, snapshot=view.index)
             if not view.sees_table:
                 reason = view.reason or "it does not see the table"
-                stream.log_flat(
-                    "log", rr.TextLog(f"snapshot {view.index} set aside: {reason}", level="INFO")
-                )
+                stream.say(f"snapshot {view.index} set aside: {reason}")
             if view.sees_table:
                 self._keep(stream, view, snapshot)
             coarse = max(1, -(-view.labels.shape[1] // SHOWN_WIDTH))
@@ -225,6 +231,7 @@ class Perception:
             middle = (all_of_them.min(axis=0) + all_of_them.max(axis=0)) / 2
             scene.centre = (float(middle[0]), float(middle[1]))
             scene.extent = float(np.linalg.norm(all_of_them - middle, axis=1).max())
+            scene.found = scene.centre, scene.extent
 
     def _log_candidates(self, stream: Stream, segmentation: Segmentation) -> None:
         stream.hold()

@@ -24,7 +24,6 @@ def log_started(stream: Stream, started: StageStarted) -> None:
     stream.scene.stages.append((started.name, None))
     stream.scene.told = ""
     stream.hold()
-    stream.log_flat("log", rr.TextLog(f"{started.name} begins", level="DEBUG"))
 
 
 def log_finished(stream: Stream, finished: StageFinished) -> None:
@@ -35,8 +34,6 @@ def log_finished(stream: Stream, finished: StageFinished) -> None:
     stages.append((finished.name, finished.seconds))
     stream.scene.reached.add(finished.name)
     stream.hold()
-    message = f"{finished.name} ends after {finished.seconds:.2f} s"
-    stream.log_flat("log", rr.TextLog(message, level="DEBUG"))
     if not stream.scene.is_modelled:  # the stages of further tables come after the model
         told = stream.scene.told
         stream.at_stage()
@@ -44,8 +41,9 @@ def log_finished(stream: Stream, finished: StageFinished) -> None:
         stream.hold_in_drive()
         stream.text("summary", story.still_going(finished.name, told))
         stream.hold()
+    totals = text.totals(stages)
     stream.text("timing/summary", text.timings(stages))
-    _log_bars(stream, [(name, seconds) for name, seconds in stages if seconds is not None])
+    _log_bars(stream, [(name, seconds) for name, seconds, _ in totals if seconds is not None])
     stream.flush()
 
 
@@ -84,7 +82,7 @@ def log_failure(stream: Stream, failed: RunFailed, *, found: str) -> None:
         stream.rec.log("model", rr.Clear(recursive=True))
     stream.text("summary", story.failure(failed.stage, failed.message, scene.told or found))
     if stream.config.level != "off":
-        stream.log_flat("log", rr.TextLog(f"{failed.stage}: {failed.message}", level="ERROR"))
+        stream.say(f"{failed.stage}: {failed.message}", level="ERROR")
     stream.flush()
 
 
@@ -94,6 +92,5 @@ def log_warning(stream: Stream, warning: ProcessWarning, *, about: str = "") -> 
         stream.hold()
     else:
         stream.at(warning.stamp_ns, snapshot=stream.scene.snapshot_at(warning.stamp_ns))
-    level = "WARN" if warning.code.startswith("accuracy.") else "INFO"
     message = f"{about}{warning.stage}: {warning.message} ({warning.code})"
-    stream.log_flat("log", rr.TextLog(message, level=level))
+    stream.say(message, level="WARN" if warning.code.startswith("accuracy.") else "INFO")

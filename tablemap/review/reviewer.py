@@ -70,6 +70,7 @@ class Reviewer(Closing):
 
         def draw_surface(stream: Stream, surface: Surface) -> None:
             top.log_surface(stream, surface)
+            naming.take_surface(surface)
             telling.log_top(stream, surface)
 
         tables = Tables()
@@ -79,6 +80,7 @@ class Reviewer(Closing):
             projection.take_used(registration.used)
             telling.take_poses(registration.map_from_base)
             naming.take_registration(registration)
+            perception.take_scans(stream, registration.stop_scans)
             tables.take_poses(registration.map_from_base)
             alignment.log_registration(stream, registration)
             log_registered_stops(stream, registration)

@@ -25,7 +25,7 @@ ENTITIES = {
     "/stop/*": "one row a snapshot: camera and points of that stop, in its own colour",
     "/story/*": "by stage what there was before a model: stops, candidates, edges, top; then "
     "empty; in a run that failed also found: the names of the surfaces",
-    "/log": "TextLog: warnings and what was set aside, at the time that they concern",
+    "/log/*": "TextLog by level: warnings and what was set aside, at the time that they concern",
     "/tf/*": "Transform3D between named frames, over sensor_time: odom, base, camera as recorded",
     "/robot/heading": "Arrows3D in the base frame",
     "/camera": "Pinhole of the snapshot",

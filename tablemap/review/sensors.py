@@ -127,7 +127,7 @@ def log_images(stream: Stream, snapshot: Snapshot) -> None:
     if colour is None:
         form = message.encoding if isinstance(message, Image) else message.format
         said = f"colour image not shown: its encoding is {form!r}"
-        stream.log_flat("log", rr.TextLog(said, level="INFO"))
+        stream.say(said)
         return
     scene.has_colour = True
     scene.colour_fits &= message.frame_id == snapshot.depth_message.frame_id and colour_size(
@@ -142,7 +142,7 @@ def log_images(stream: Stream, snapshot: Snapshot) -> None:
 def log_set_aside(stream: Stream, one: SetAside) -> None:
     """Log an image that was not used, and why, at its time."""
     stream.at(one.stamp_ns, snapshot=one.index)
-    stream.log_flat("log", rr.TextLog(f"{one.what} set aside: {one.reason}", level="INFO"))
+    stream.say(f"{one.what} set aside: {one.reason}")
 
 
 def _log_pose(stream: Stream, names: FrameNames, snapshot: Snapshot) -> None:

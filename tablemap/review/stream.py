@@ -54,6 +54,7 @@ class DrawnScene:
     - ``stages``: names and seconds, None for the running stage
     - ``tables``: scenes of the tables beside the chosen one
     - ``pairs_reach``: metres, size of the grid of aligned pairs
+    - ``pair_eye``: position and target (3,) of the view of a single pair
     - ``best``: the snapshot that shows most of the table
     - ``colour_fits``: whether colour images match the depth images pixel by pixel
     - ``is_modelled``: whether the chosen table's model is there
@@ -62,6 +63,7 @@ class DrawnScene:
     - ``has_labels``: whether views were labelled
     - ``flatness``: ``floor`` and ``top``, where heights over the image were drawn
     - ``told``: the current stage's text on its result
+    - ``found``: middle (2,) and reach, metres, of the surfaces that could have been the table
     """
 
     names: FrameNames | None = None
@@ -88,11 +90,13 @@ class DrawnScene:
     colour_fits: bool = True
     best: int | None = None
     told: str = ""
+    found: tuple[tuple[float, float], float] | None = None
     stages: list[tuple[str, float | None]] = field(default_factory=list)
     reached: set[str] = field(default_factory=set)
     failed: bool = False
     tables: dict[int, DrawnScene] = field(default_factory=dict)
     pairs_reach: float | None = None
+    pair_eye: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
 
     def snapshot_at(self, stamp_ns: int) -> int:
         """Return the number of the last snapshot taken by then; before the first, the first."""
@@ -259,6 +263,13 @@ class Stream:
                 self._heavy += 1
         if self._heavy >= HEAVY_BETWEEN_FLUSHES:
             self.flush()
+
+    def say(self, message: str, *, level: str = "INFO") -> None:
+        """Log a line of text.
+
+        Each level has an entity of its own: of lines at one time the viewer mixes up the levels.
+        """
+        self.log_flat(f"log/{level.lower()}", rr.TextLog(message, level=level))
 
     def text(self, path: str, markdown: str) -> None:
         """Log a page of markdown; one about a stage's result is kept for the stage's summary."""

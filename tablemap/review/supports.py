@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import rerun as rr
@@ -13,8 +13,8 @@ from tablemap.model.shapes import shape_named
 from tablemap.review import colours, text
 from tablemap.review.clouds import raised
 from tablemap.review.eyes import legs_eye
-from tablemap.review.room import Room
-from tablemap.review.stream import Stream
+from tablemap.review.room import Eye, Room
+from tablemap.review.stream import DrawnScene, Stream
 from tablemap.stages.legs import Leg, Legs, RejectedCluster
 
 MOST_LETTERS = 12
@@ -22,8 +22,11 @@ LEG_WITHOUT_SIZE = 0.04  # metres
 DOT = 3  # pixels, radius of a drawn point
 
 
-def log_legs(stream: Stream, legs: Legs) -> None:
-    """Log the evidence near the table, each leg with its points, and the rejected with reasons."""
+def log_legs(stream: Stream, legs: Legs, *, eye_of: Callable[[DrawnScene], Eye] = legs_eye) -> None:
+    """Log the evidence near the table, each leg with its points, and the rejected with reasons.
+
+    ``eye_of`` gives the eye of the view that shows them.
+    """
     stream.hold()
     stream.text("legs/summary", text.legs(legs))
     height = stream.scene.laser_height
@@ -39,13 +42,13 @@ def log_legs(stream: Stream, legs: Legs) -> None:
     for index, leg in enumerate(legs.legs, start=1):
         _log_leg(stream, index, leg, height)
     _log_rejected(stream, legs.rejected, height)
-    _log_names(stream, legs, height)
+    _log_names(stream, legs, height, eye_of(stream.scene))
 
 
-def _log_names(stream: Stream, legs: Legs, height: float) -> None:
+def _log_names(stream: Stream, legs: Legs, height: float, eye: Eye) -> None:
     """Name the legs, and what is none by letters, clear of all points and away from the table."""
     scene, rejected = stream.scene, legs.rejected
-    room = Room(legs_eye(scene))
+    room = Room(eye)
     for leg in legs.legs:
         room.take_solid(leg_outline(leg), scene.floor_z, scene.height)
     drawn = [legs.evidence, *[leg.points for leg in legs.legs], *[one.points for one in rejected]]

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
-
-import rerun as rr
 
 from tablemap import palette
 from tablemap.events import OfTable, OtherTable
@@ -59,7 +58,7 @@ class Tables:
         stream.text(f"{entity(other.number)}/summary", page)
         if stream.config.level != "off":
             message = f"table {other.number:02d} has no model: {other.outcome}"
-            stream.log_flat("log", rr.TextLog(message, level="INFO"))
+            stream.say(message)
 
     def _scene(self, stream: Stream, number: int) -> DrawnScene:
         """Return the scene of a table: its own place and shape, everything else as before."""
@@ -71,7 +70,7 @@ class Tables:
                 Outline: top.log_outline,
                 Surface: top.log_surface,
                 CrossCheck: log_cross_check,
-                Legs: log_legs,
+                Legs: partial(log_legs, eye_of=table_eye),
             }
             stream.scene.tables[number] = self._scenes[number]
         return self._scenes[number]

@@ -9,6 +9,7 @@ from tablemap.review.eyes import (
     edges_eye,
     legs_eye,
     of_pairs,
+    pair_eye,
     seen_from,
     stops_eye,
     table_eye,
@@ -165,7 +166,7 @@ def pairs(scene: DrawnScene) -> rrb.Container:
         rrb.Tabs(
             with_legend(
                 seen_from(
-                    stops_eye(scene),
+                    pair_eye(scene),
                     scene,
                     "Worst pair of the stop",
                     ["/registration/pair_at_stop/**"],

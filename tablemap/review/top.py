@@ -125,11 +125,6 @@ class TopDrawing:
                     show_labels=False,
                 ),
             )
-            stream.names(
-                "surface/beside/names",
-                raised(surface.beside.mean(axis=0), height),
-                [TOUCHES],
-            )
         _log_budget(stream, {**surface.dimensions, "height": surface.height})
         for one in surface.candidates:
             name = f"{one.shape}: {one.score:.3f}"
@@ -174,6 +169,8 @@ class TopDrawing:
         room.take_points(np.concatenate([np.zeros((0, 3)), *self._edges]), reach=DOT)
         for line in bands:
             room.take_line(line, width=DOT)
+        if surface.beside is not None:
+            room.take_line(closed(surface.beside, height), width=DOT)
         labels = [_label(k, edge) for k, edge in enumerate(surface.edges)]
         middles = raised(np.array([edge.points.mean(axis=0) for edge in surface.edges]), height)
         shown = len(labels) <= MOST_CORNERS
@@ -185,6 +182,11 @@ class TopDrawing:
         stream.names(
             "surface/chosen/names", placed.places, labels, shown=shown, leaders=placed.leaders
         )
+        if surface.beside is not None:
+            middle = surface.beside.mean(axis=0)
+            away = middle - np.array(scene.centre or (0.0, 0.0))
+            placed = room.names([TOUCHES], raised(middle, height), away=away)
+            stream.names("surface/beside/names", placed.places, [TOUCHES], leaders=placed.leaders)
 
 
 def _label(number: int, edge: SurfaceEdge) -> str:

@@ -13,7 +13,7 @@ from rerun.chunk import RrdReader
 
 from tablemap.config import ReviewConfig
 from tablemap.errors import TablemapError
-from tablemap.events import OfTable, OtherTable, RunFailed, StageStarted
+from tablemap.events import OfTable, OtherTable, RunFailed, StageFinished, StageStarted
 from tablemap.model import TableModel
 from tablemap.pipeline import STAGES
 from tablemap.recording.messages import CompressedImage, Image
@@ -27,7 +27,7 @@ from tablemap.stages.segmentation import Segmentation, TableRefused
 from tablemap.stages.surface import Surface
 from tests.making import made_up_run as made_up
 from tests.making import reviews
-from tests.making.reviews import columns, write
+from tests.making.reviews import columns, eye_of, eye_of_first_view, write
 
 STOPS = 8
 
@@ -144,7 +144,7 @@ def test_the_story_is_complete(review: Path) -> None:
         "/model/dimensions",
         "/model/uncertainty/place",
         "/timing/bars",
-        "/log",
+        "/log/info",
     ):
         assert found.get(path, 0) > 0, f"nothing logged at {path}"
 
@@ -377,14 +377,44 @@ def test_warnings_are_logged_once_at_their_time(review: Path) -> None:
     """A warning that a stage and the model both carry is one row, at the stop that it concerns."""
     said = []
     for chunk in RrdReader(review).stream():
-        if chunk.entity_path == "/log":
+        if chunk.entity_path.startswith("/log/"):
             batch = chunk.to_record_batch().to_pydict()
             snapshots = batch.get("snapshot", [None] * chunk.num_rows)
             said += zip(snapshots, batch["TextLog:text"], strict=True)
+            # Of lines at one time the viewer mixes up the levels: each level has its own entity.
+            assert {str(level[0]).lower() for level in batch["TextLog:level"]} == {
+                chunk.entity_path.removeprefix("/log/")
+            }
     doubts = [snapshot for snapshot, text in said if "a made-up doubt" in text[0]]
     assert doubts == [5]
     dropped = [snapshot for snapshot, text in said if "pair 5 to 3 dropped" in text[0]]
     assert dropped == [5]
+
+
+def test_stages_that_ran_again_are_told_once(tmp_path: Path) -> None:
+    """With many tables some stages run often: one bar and one row each, with the sum."""
+    more = [StageStarted("surface", 9), StageFinished("surface", 9, 0.5), StageStarted("legs", 10)]
+    begun = [StageStarted("surface", 0), StageFinished("surface", 0, 1.0)]
+    path = write(tmp_path / "again" / "run.rrd", [made_up.MadeUpRecording(stops=3), *begun, *more])
+    page = str(texts(path, "/timing/summary")[-1][0])
+    assert "| surface, 2 times | 1.50 s |" in page
+    assert page.count("surface") == 1
+    assert columns(path, "/timing/names", "Points2D:labels")[-1] == ["surface 1.50 s"]
+
+
+def test_a_failed_run_keeps_the_eyes_of_its_last_surface(run: list[object], tmp_path: Path) -> None:
+    """The first view shows all that was found; tabs of the surface that was tried show that one."""
+    end = next(k for k, one in enumerate(run) if isinstance(one, TableModel))
+    failed = [*run[:end], RunFailed("segmentation", "no surface gave a table")]
+    path = write(tmp_path / "refused" / "run.rrd", failed)
+    whole = write(tmp_path / "whole" / "run.rrd", run)
+    for name in ("Edges by kind", "Legs"):
+        far, near = (eye_of(one, name) for one in (path, whole))
+        assert np.allclose(far.target, near.target, atol=0.01)
+        assert np.allclose(far.position, near.position, rtol=0.02)
+    assert not np.allclose(
+        eye_of_first_view(path).position, eye_of_first_view(whole).position, rtol=0.02
+    )
 
 
 def texts(path: Path, entity: str) -> list[list[object]]:

@@ -49,7 +49,7 @@ def test_no_name_is_written_over_the_table_or_another_name(tmp_path: Path) -> No
     pixels, _ = eye.pixels(np.concatenate(levels).astype(np.float64))
     table = shapely.MultiPoint(pixels).convex_hull
     named = []
-    for entity in ("/model/dimensions/names", "/registration/bases/names"):
+    for entity in ("/model/dimensions/names", "/registration/bases/names", "/model/beside/names"):
         places = columns(path, entity, "Points3D:positions")[-1]
         texts = columns(path, entity, "Points3D:labels")[-1]
         named += [

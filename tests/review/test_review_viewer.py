@@ -8,22 +8,23 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 from urllib.parse import urlsplit
 
 import numpy as np
 import PIL.Image
 import pytest
 from numpy.typing import NDArray
+from rerun.experimental import ViewerClient
 
-from tablemap import palette
 from tablemap.archive.manifest import Manifest
 from tablemap.config import ReviewConfig
 from tablemap.errors import ExternalToolError, TablemapError
 from tablemap.review import Reviewer
 from tablemap.review.page.page import Page
 from tablemap.review.viewer import viewer
-from tablemap.review.viewer.still import TABS, _headless, _shoot, still
+from tablemap.review.viewer.still import TABS, _headless, _shoot, _show_tab, still
 from tests.making import made_up_run as made_up
 
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
@@ -41,6 +42,12 @@ DRAWN_SECONDS = 200
 DRIVERS = (Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
 PANEL = (slice(60, 500), slice(760, None))
 """Rows and columns of the selection panel in a window of 1000 by 700 pixels."""
+ABOVE_IMAGE = (slice(60, 440), slice(760, None))
+SELECTION_PANEL = (976, 18)
+"""The button that opens it."""
+LINK_COLUMN = 698
+"""Where the first link of the summary's line of links lies."""
+LINK_ROWS = range(120, 470, 6)
 needs_vulkan = pytest.mark.skipif(
     not any(list(folder.glob("*.json")) for folder in DRIVERS if folder.is_dir()),
     reason="needs a Vulkan driver, such as mesa-vulkan-drivers",
@@ -72,6 +79,35 @@ def test_a_viewer_without_a_screen_is_said(tmp_path: Path, monkeypatch: pytest.M
 def test_statistics_are_off() -> None:
     """The viewer is started with its usage statistics off."""
     assert viewer.viewer_environment()["CI"] == "1"
+
+
+def test_a_tab_is_shown_and_no_pane_of_its_name() -> None:
+    """A table's own tab has panes with the names of the run's tabs: the outermost one is meant."""
+
+    def container(kind: str, name: str, *contents: str) -> dict[str, Any]:
+        shown = {"display_name": name, "contents": contents, "container_kind": kind}
+        return {"ContainerBlueprint": shown}
+
+    layout: dict[str, Any] = {
+        "/container/root": container("Tabs", "", "container/legs", "container/tables"),
+        "/container/legs": container("Horizontal", "Legs", "view/a"),
+        "/container/tables": container("Tabs", "Tables", "container/one"),
+        "/container/one": container("Tabs", "Table 01", "view/b", "view/legs"),
+        "/view/a": {"ViewBlueprint": {"display_name": "Legs from above"}},
+        "/view/b": {"ViewBlueprint": {"display_name": "Summary"}},
+        "/view/legs": {"ViewBlueprint": {"display_name": "Legs"}},
+    }
+    client = SimpleNamespace(
+        get_blueprint=lambda: SimpleNamespace(blueprint=layout), set_blueprint=lambda *_, **__: None
+    )
+    _show_tab(cast(ViewerClient, client), "legs")
+    active = {
+        path: one["ContainerBlueprint"].get("active_tab")
+        for path, one in layout.items()
+        if "ContainerBlueprint" in one
+    }
+    assert active["/container/root"] == "container/legs"
+    assert active["/container/one"] is None
 
 
 @pytest.mark.slow
@@ -144,7 +180,11 @@ def test_the_page_is_drawn_by_a_browser_without_a_network(tmp_path: Path) -> Non
 @pytest.mark.skipif(BROWSER is None, reason="needs Chromium")
 @pytest.mark.parametrize("theme", ["dark", "light"])
 def test_the_web_view_is_drawn_by_a_browser(theme: str, tmp_path: Path) -> None:
-    """The viewer's page draws the run in both themes; it reaches no other machine."""
+    """The viewer's page draws the run in both themes; it reaches no other machine.
+
+    A click of the mouse on a link in the summary selects what it names: the selection panel then
+    shows the top with its colour, which it does not before.
+    """
     path = tmp_path / "run.rrd"
     with Reviewer(path, run_id="web", recording_name="made up", config=ReviewConfig()) as record:
         for one in made_up.results():
@@ -152,7 +192,12 @@ def test_the_web_view_is_drawn_by_a_browser(theme: str, tmp_path: Path) -> None:
     with viewer.served(path) as (url, _), browser(theme) as (shown, _):
         shown.goto(url)
         picture = drawn(shown)
+        click_link(shown)
+        shown.mouse.click(*SELECTION_PANEL)
+        selected = drawn(shown)
     assert picture[70:, :600].std() > 10  # the table and the stops
+    assert wood(picture[ABOVE_IMAGE]) < 0.0001
+    assert wood(selected[ABOVE_IMAGE]) > 0.0005
     bar = picture[5:30, 450:650].mean()
     assert bar > 200 if theme == "light" else bar < 60
 
@@ -190,14 +235,32 @@ def pixels(shown: Any) -> NDArray[np.float64]:
         return np.asarray(picture.convert("RGB"), dtype=np.float64)
 
 
+def wood(picture: NDArray[np.float64]) -> float:
+    """The share of a picture that has the top's colour, in whatever light."""
+    red, green, blue = np.moveaxis(picture, -1, 0)
+    return float(((red > 110) & (red - blue > 45) & (red > green) & (green > blue)).mean())
+
+
+def click_link(shown: Any) -> None:
+    """Click on the summary's first link: where the viewer's pointer becomes a hand."""
+    cursor = "getComputedStyle(document.querySelector('canvas')).cursor"
+    for row in LINK_ROWS:
+        shown.mouse.move(LINK_COLUMN, row)
+        shown.wait_for_timeout(400)
+        if shown.evaluate(cursor) == "pointer":
+            shown.mouse.click(LINK_COLUMN, row + 2)
+            return
+    raise AssertionError("the summary has no link")
+
+
 def drawn(shown: Any) -> NDArray[np.float64]:
-    """The viewer's picture, once its views are there and it does not change any more."""
+    """The viewer's picture, once the table is there and it does not change any more."""
     previous = None
     deadline = time.monotonic() + DRAWN_SECONDS
     while time.monotonic() < deadline:
         picture = pixels(shown)
-        dark = (np.abs(picture - palette.BACKGROUND).max(axis=-1) <= 2).mean()
-        if dark > 0.2 and previous is not None and np.array_equal(picture, previous):
+        is_there = wood(picture[70:, :600]) > 0.01
+        if is_there and previous is not None and np.array_equal(picture, previous):
             return picture
         previous = picture
         time.sleep(1.0)

@@ -127,21 +127,31 @@ def _connected(viewer: subprocess.Popen[bytes], port: int, file: Path) -> Viewer
 def _show_tab(client: ViewerClient, tab: str) -> None:
     """Bring the container or view of that name to the front of every row of tabs above it."""
     whole: dict[str, Any] = client.get_blueprint().blueprint
-    names: dict[str, str] = {}
+    named: dict[str, list[str]] = {}
     containers: dict[str, dict[str, Any]] = {}
     for path, archetypes in whole.items():
         for kind in ("ContainerBlueprint", "ViewBlueprint"):
             if kind in archetypes:
-                names[archetypes[kind].get("display_name", "")] = path.lstrip("/")
+                named.setdefault(archetypes[kind].get("display_name", ""), []).append(
+                    path.lstrip("/")
+                )
                 if kind == "ContainerBlueprint":
                     containers[path.lstrip("/")] = archetypes[kind]
-    tab = known_name(tab, names)
-    if tab not in names:
-        there = ", ".join(one for one in (*TABS, "Tables") if one in names)
+    tab = known_name(tab, named)
+    if tab not in named:
+        there = ", ".join(one for one in (*TABS, "Tables") if one in named)
         raise TablemapError(f"expected one of this run's tabs {there}, found {tab!r}.")
-    child: str | None = names[tab]
+
+    def parent_of(child: str) -> str | None:
+        return next((p for p, c in containers.items() if child in c.get("contents", ())), None)
+
+    def above(child: str) -> int:
+        parent = parent_of(child)
+        return 0 if parent is None else 1 + above(parent)
+
+    child: str | None = min(named[tab], key=above)  # a table's tab has panes of the same names
     while child is not None:
-        parent = next((p for p, c in containers.items() if child in c.get("contents", ())), None)
+        parent = parent_of(child)
         if parent is not None and containers[parent].get("container_kind") == "Tabs":
             containers[parent]["active_tab"] = child
         child = parent
