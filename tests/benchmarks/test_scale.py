@@ -9,6 +9,7 @@ import os
 import shutil
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -17,7 +18,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from tablemap.archive.index import INDEX, list_runs
 from tablemap.review.viewer.catalog import served_catalog
 from tests.making.command import TABLEMAP
-from tests.making.figures import Figures
+from tests.making.figures import Figures, joined
 from tests.making.models import rectangle_model
 from tests.making.run_folders import make_run, read_runs
 from tests.making.spent import spend
@@ -25,6 +26,7 @@ from tests.making.spent import spend
 A_DAY = 10_000
 DAY_SECONDS = 86_400
 RUNS_A_RECORDING = 100
+ARCHIVES = (1_000, 10_000, 100_000)
 
 
 def links(folder: Path, runs: int) -> Path:
@@ -62,10 +64,13 @@ def test_a_day(
     alone = spend(*command, copies[0]).processor
     all_ = benchmark.pedantic(spend, (*command, *copies), rounds=1).processor
     figures.seconds["recordings as the demo"] = (all_ - alone) / (len(copies) - 1)
-    for what, seconds in figures.seconds.items():
-        cores = A_DAY * seconds / DAY_SECONDS
-        beside = f"each {seconds:.1f} s"
-        figures.add(f"{A_DAY:,} a day of {what}", f"{cores:.1f} cores", beside)
+    each = figures.seconds.values()
+    cores = [A_DAY * seconds / DAY_SECONDS for seconds in each]
+    figures.add(
+        f"{A_DAY:,} a day of {joined(figures.seconds)}",
+        f"{joined(f'{busy:.1f}' for busy in cores)} cores",
+        f"each: {joined(f'{seconds:.1f}' for seconds in each)} s",
+    )
     run = next((tmp_path / "runs" / "copy0").resolve().glob("*/manifest.json")).parent
     files = [file for file in run.rglob("*") if file.is_file()]
     size = sum(file.stat().st_blocks * 512 for file in files)
@@ -76,24 +81,25 @@ def test_a_day(
     )
 
 
-@pytest.mark.parametrize("runs", [1_000, 10_000, 100_000])
-def test_list_and_index(
-    runs: int, tmp_path: Path, benchmark: BenchmarkFixture, figures: Figures
-) -> None:
+def test_list_and_index(tmp_path: Path, benchmark: BenchmarkFixture, figures: Figures) -> None:
     """A list by the index costs a fifth of the first one, which reads every run, or less."""
-    folder = links(tmp_path / "runs", runs)
-    first = took(lambda: list_runs(folder))
-    again = took(lambda: list_runs(folder))
-    assert len(benchmark.pedantic(list_runs, (folder,), rounds=1)) == runs
-    index = (folder / INDEX).stat().st_size
+    first, again, index = [], [], []
+    for runs in ARCHIVES:
+        folder = links(tmp_path / "runs", runs)
+        first.append(took(partial(list_runs, folder)))
+        again.append(took(partial(list_runs, folder)))
+        assert again[-1] < first[-1] / 5
+        index.append((folder / INDEX).stat().st_size / 1e6)
+        if runs == ARCHIVES[0]:
+            assert len(benchmark.pedantic(list_runs, (folder,), rounds=1)) == runs
+        shutil.rmtree(folder)
     figures.add(
-        f"a list of {runs:,} runs, by an index of {index / 1e6:.1f} MB",
-        f"{again:.2f} s",
-        f"the first list, which reads each run: {first:.1f} s",
-        times=again / first,
+        f"a list of {joined(f'{runs:,}' for runs in ARCHIVES)} runs, by an index of "
+        f"{joined(f'{size:.1f}' for size in index)} MB",
+        f"{joined(f'{seconds:.2f}' for seconds in again)} s",
+        f"the first list, which reads each run: {joined(f'{seconds:.1f}' for seconds in first)} s",
+        *(late / early for early, late in zip(first, again, strict=True)),
     )
-    assert again < first / 5
-    shutil.rmtree(folder)
 
 
 def test_an_index_tells_what_a_scan_tells(tmp_path: Path, benchmark: BenchmarkFixture) -> None:
@@ -103,16 +109,31 @@ def test_an_index_tells_what_a_scan_tells(tmp_path: Path, benchmark: BenchmarkFi
     assert rows == read_runs(folder)
 
 
-@pytest.mark.parametrize("runs", [1_000, 10_000, pytest.param(100_000, marks=pytest.mark.slow)])
-def test_catalog(runs: int, tmp_path: Path, benchmark: BenchmarkFixture, figures: Figures) -> None:
+@pytest.mark.parametrize(
+    "archives", [ARCHIVES[:2], pytest.param(ARCHIVES[2:], marks=pytest.mark.slow)], ids=str
+)
+def test_catalog(
+    archives: tuple[int, ...], tmp_path: Path, benchmark: BenchmarkFixture, figures: Figures
+) -> None:
     """Serving writes a layer of figures a run, so its cost grows with their number."""
-    folder = links(tmp_path / "runs", runs)
-    list_runs(folder)
+    served = []
+    for runs in archives:
+        folder = links(tmp_path / "runs", runs)
+        list_runs(folder)
+        serve = partial(_serve, folder, runs)
+        last = runs == archives[-1]
+        served.append(took(partial(benchmark.pedantic, serve, rounds=1) if last else serve))
+        shutil.rmtree(folder)
+    each = joined(
+        f"{1e3 * seconds / runs:.1f}" for seconds, runs in zip(served, archives, strict=True)
+    )
+    figures.add(
+        f"the catalog of {joined(f'{runs:,}' for runs in archives)} runs, until it is served",
+        f"{joined(f'{seconds:.1f}' for seconds in served)} s",
+        f"each run: {each} ms",
+    )
 
-    def serve() -> None:
-        with served_catalog(folder) as catalog:
-            assert catalog.runs == runs
 
-    served = took(lambda: benchmark.pedantic(serve, rounds=1))
-    each = f"each run {1e3 * served / runs:.1f} ms"
-    figures.add(f"the catalog of {runs:,} runs, until it is served", f"{served:.1f} s", each)
+def _serve(folder: Path, runs: int) -> None:
+    with served_catalog(folder) as catalog:
+        assert catalog.runs == runs

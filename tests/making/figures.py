@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 
@@ -25,10 +25,9 @@ class Figures:
         self.rows: list[Row] = []
         self.seconds: dict[str, float] = {}
 
-    def add(self, what: str, took: str, beside: str = "", *, times: float | None = None) -> None:
-        """Take a line; both figures with their units."""
-        ratio = "" if times is None else f"{times:.0f}" if times > 9.95 else f"{times:.2f}"
-        self.rows.append(Row(what, took, beside, ratio))
+    def add(self, what: str, took: str, beside: str, *times: float) -> None:
+        """Take a line: figures with their units, and the ratios of the first to the second."""
+        self.rows.append(Row(what, took, beside, joined(map(_ratio, times))))
 
     def markdown(self) -> Iterator[str]:
         """Return the table's lines."""
@@ -36,3 +35,12 @@ class Figures:
             yield f"| {' | '.join(row)} |"
             if row.what == "what":
                 yield "|---|---|---|---|"
+
+
+def joined(values: Iterable[object]) -> str:
+    """Return several values as one cell."""
+    return "; ".join(map(str, values))
+
+
+def _ratio(times: float) -> str:
+    return f"{times:.0f}" if times > 9.95 else f"{times:.1f}" if times > 1.95 else f"{times:.2f}"

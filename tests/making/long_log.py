@@ -38,7 +38,7 @@ standing_scan_rate = 20.0
 
 
 def simulate_lap(folder: Path, *, stops: int) -> Path:
-    """Write a log of ROS 1: depth at 5 Hz, laser and TF at 20 Hz, a stop every six seconds."""
+    """Write a log of ROS 1: depth at 5 Hz, laser and TF at 20 Hz, stops of 3.6 s."""
     scenario = folder / "lap.toml"
     scenario.write_text(LAP.format(stops=stops), encoding="utf-8")
     path = folder / "lap.mcap"
@@ -46,8 +46,8 @@ def simulate_lap(folder: Path, *, stops: int) -> Path:
     return path
 
 
-def to_and_fro(lap: Path, target: Path, *, laps: int) -> Path:
-    """Log a lap of ROS 1 so many times, every second time backwards; return ``target``.
+def to_and_fro(lap: Path, target: Path, *, minutes: float) -> Path:
+    """Log a lap of ROS 1 for so long, every second time backwards; return ``target``.
 
     So the robot never jumps. Stamps in the messages and of the log go on.
     """
@@ -66,8 +66,9 @@ def to_and_fro(lap: Path, target: Path, *, laps: int) -> Path:
             channels[number] = writer.register_channel(
                 channel.topic, channel.message_encoding, known, channel.metadata
             )
-        for number in range(laps):
-            back, begun = number % 2 == 1, start + number * length
+        last = start + round(60 * minutes * SECOND)
+        for number, begun in enumerate(range(start, last, length)):
+            back = number % 2 == 1
 
             def moved(stamp_ns: int, back: bool = back, begun: int = begun) -> int:
                 return begun + (end - stamp_ns if back else stamp_ns - start)
@@ -76,6 +77,8 @@ def to_and_fro(lap: Path, target: Path, *, laps: int) -> Path:
                 if entry.is_static and number:
                     continue
                 stamp_ns = moved(entry.stamp_ns)
+                if stamp_ns > last:
+                    continue
                 data = entry.data if entry.is_static else restamped(entry, moved)
                 log_ns = stamp_ns + entry.log_ns - entry.stamp_ns
                 writer.add_message(channels[entry.channel], log_ns, data, stamp_ns)

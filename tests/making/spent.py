@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
+import sys
 import tempfile
 import time
 from dataclasses import dataclass
@@ -24,19 +26,24 @@ class Spent:
     peak: int
 
 
+WATCHES = """
+import json, os, subprocess, sys, time
+began = time.monotonic()
+process = subprocess.Popen(sys.argv[1:], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+status, usage = os.wait4(process.pid, 0)[1:]
+wall = time.monotonic() - began
+print(json.dumps([usage.ru_utime + usage.ru_stime, wall, 1024 * usage.ru_maxrss]))
+sys.exit(os.waitstatus_to_exitcode(status))
+"""
+"""A small program that starts another one: a process begins with the peak of who started it."""
+
+
 def spend(*command: object) -> Spent:
     """Run a program to its end, its output dropped. Raises `AssertionError` where it fails."""
-    with tempfile.TemporaryFile() as said:
-        began = time.monotonic()
-        process = subprocess.Popen(
-            [*map(str, command)], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=said
-        )
-        _, status, usage = os.wait4(process.pid, 0)
-        wall = time.monotonic() - began
-        process.returncode = os.waitstatus_to_exitcode(status)
-        said.seek(0)
-        assert process.returncode == 0, said.read().decode(errors="replace")
-    return Spent(usage.ru_utime + usage.ru_stime, wall, usage.ru_maxrss * 1024)
+    watched = [sys.executable, "-c", WATCHES, *map(str, command)]
+    done = subprocess.run(watched, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return Spent(*json.loads(done.stdout))
 
 
 def least(*command: object, rounds: int = 3) -> Spent:
