@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
+from weakref import WeakMethod
 
 import numpy as np
 
@@ -73,7 +74,8 @@ class Recording(SensorStreams):
         self.warnings.extend(choice for choice in choices if choice not in self.warnings)
         assert self.roles.depth is not None
         assert self.roles.calibration is not None
-        self._channels = Channels(source, self.roles, limits=limits, say=self._say_once)
+        say = _held_weakly(self._say_once)
+        self._channels = Channels(source, self.roles, limits=limits, say=say)
         self._depth, self._colour = (
             self._channels.of(topic) for topic in (self.roles.depth, self.roles.colour)
         )
@@ -304,6 +306,20 @@ def open_recording(
         except BaseException:
             source.close()
             raise
+
+
+def _held_weakly(method: Callable[..., None]) -> Callable[..., None]:
+    """Return what calls a method as long as its object is there.
+
+    A recording that held itself would stay in memory until garbage is collected.
+    """
+    held = WeakMethod(method)
+
+    def call(*arguments: object) -> None:
+        if known := held():
+            known(*arguments)
+
+    return call
 
 
 def _roles(

@@ -11,6 +11,7 @@ import pytest
 from tablemap.archive import load_run
 from tablemap.config import Config, load_config
 from tablemap.errors import ConfigError
+from tablemap.recording import Recording
 from tablemap.runs import Job, done_already, expand, process_many
 from tablemap.runs.running import run
 from tests.making.acting import Acted
@@ -113,7 +114,7 @@ def test_failures_and_deaths_stay_alone(tmp_path: Path) -> None:
         assert sorted(load_run(run).manifest.status for run in runs) == expected
 
 
-def test_runs_leave_no_thread_and_no_open_file_behind(
+def test_runs_leave_no_thread_no_file_and_no_recording_behind(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """However many one process does, and before anybody collects garbage."""
@@ -124,10 +125,11 @@ def test_runs_leave_no_thread_and_no_open_file_behind(
     try:
         for _ in range(6):
             assert run(file, output=tmp_path / "runs").status == "ok"
-            there.append((threading.active_count(), _open_files(tmp_path)))
+            recordings = [held for held in gc.get_objects() if isinstance(held, Recording)]
+            there.append((threading.active_count(), _open_files(tmp_path), recordings))
     finally:
         gc.enable()
-    assert there[-1] == there[1]
+    assert there[-1] == there[1] == (there[1][0], [], [])
 
 
 def _open_files(folder: Path) -> list[str]:
