@@ -246,25 +246,21 @@ def _add(
 ) -> None:
     """Add one leg's rows to the normal equations."""
     weight = 1.0 / (rows.sigma**2 * (1.0 + (rows.residual / (_CAUCHY * rows.sigma)) ** 2))
-    weighted = rows.slope.T * weight
-    normal[np.ix_(own, own)] += weighted @ rows.slope
-    gradient[own] -= weighted @ rows.residual
     if not groups:
+        weighted = rows.slope.T * weight
+        normal[np.ix_(own, own)] += weighted @ rows.slope
+        gradient[own] -= weighted @ rows.residual
         return
-    # A row depends on the pose error of its own group alone: its products are summed by group.
-    order = np.argsort(rows.group, kind="stable")
-    group = rows.group[order]
-    first = np.flatnonzero(np.diff(group, prepend=-1))
-    pose = rows.pose[order]
-    others = np.column_stack([pose, rows.slope[order], rows.residual[order]])
-    products = (pose * weight[order, None])[:, :, None] * others[:, None, :]
-    sums = np.add.reduceat(products, first)
-    at = poses + 3 * group[first, None] + np.arange(3)
-    normal[at[:, :, None], at[:, None, :]] += sums[..., :3]
-    coupled = sums[..., 3:-1].reshape(-1, len(own))
-    normal[np.ix_(at.ravel(), own)] += coupled
-    normal[np.ix_(own, at.ravel())] += coupled.T
-    gradient[at] -= sums[..., -1]
+    # Dense rows, with the poses of all groups: one large product is faster than many small ones.
+    width = len(own)
+    full = np.zeros((len(weight), width + 3 * groups))
+    full[:, :width] = rows.slope
+    at = width + 3 * rows.group[:, None] + np.arange(3)
+    full[np.arange(len(weight))[:, None], at] = rows.pose
+    weighted = full.T * weight
+    columns = np.concatenate([own, poses + np.arange(3 * groups)])
+    normal[np.ix_(columns, columns)] += weighted @ full
+    gradient[columns] -= weighted @ rows.residual
 
 
 def fit_alone(
