@@ -62,7 +62,8 @@ def depth_noise(depth: NDArray[np.float32]) -> DepthNoise:
                 spread = mad_sigma(bends[order[bounds[k] : bounds[k + 1]]])
                 sigmas[k] = spread / np.sqrt(6)
     sigmas = np.sqrt(sigmas**2 + steps**2 / 12 + LEAST_SIGMA_M**2)
-    pixels = np.bincount(slab[np.isfinite(depth)], minlength=count)
+    pixels = np.bincount(slab.ravel(), minlength=count)
+    pixels[0] -= np.count_nonzero(np.isnan(depth))
     return DepthNoise(sigmas, _coarse_step(steps, pixels))
 
 

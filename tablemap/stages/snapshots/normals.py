@@ -17,21 +17,25 @@ def upward_share(points: NDArray[np.float32], half_window_px: int) -> NDArray[np
     size = 2 * half_window_px + 1
     missing = ~np.isfinite(points[..., 2])
     weight = ndimage.uniform_filter((~missing).astype(np.float32), size, mode="constant")
-    filled = np.where(missing[..., None], np.float32(0), points)
-    mean = np.empty_like(filled)
+    weight[weight < 0.3] = np.nan
+    # Each coordinate is an image of its own: arithmetic on these is several times as fast.
+    along_u, along_v = [], []
     for axis in range(3):
-        mean[..., axis] = ndimage.uniform_filter(filled[..., axis], size, mode="constant")
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean /= weight[..., None]
-    mean[weight < 0.3] = np.nan
-    step = half_window_px
-    along_v = np.full_like(mean, np.nan)
-    along_u = np.full_like(mean, np.nan)
-    along_v[step:-step] = mean[2 * step :] - mean[: -2 * step]
-    along_u[:, step:-step] = mean[:, 2 * step :] - mean[:, : -2 * step]
-    x = along_u[..., 1] * along_v[..., 2] - along_u[..., 2] * along_v[..., 1]
-    y = along_u[..., 2] * along_v[..., 0] - along_u[..., 0] * along_v[..., 2]
-    z = along_u[..., 0] * along_v[..., 1] - along_u[..., 1] * along_v[..., 0]
+        filled = np.where(missing, np.float32(0), points[..., axis])
+        mean = ndimage.uniform_filter(filled, size, mode="constant")
+        mean /= weight
+        along_u.append(_across(mean, half_window_px))
+        along_v.append(_across(mean.T, half_window_px).T)
+    x = along_u[1] * along_v[2] - along_u[2] * along_v[1]
+    y = along_u[2] * along_v[0] - along_u[0] * along_v[2]
+    z = along_u[0] * along_v[1] - along_u[1] * along_v[0]
     with np.errstate(invalid="ignore", divide="ignore"):
         share: NDArray[np.float32] = np.abs(z) / np.sqrt(x * x + y * y + z * z)
     return share
+
+
+def _across(image: NDArray[np.float32], step: int) -> NDArray[np.float32]:
+    """Return the differences of pixels ``step`` to the right and to the left, NaN at the border."""
+    apart = np.full_like(image, np.nan)
+    np.subtract(image[:, 2 * step :], image[:, : -2 * step], out=apart[:, step:-step])
+    return apart
