@@ -17,6 +17,7 @@ from tablemap.events import RunFailed
 from tablemap.model import TableModel
 from tablemap.review.page.page import Page
 from tablemap.review.page.plan import plan
+from tablemap.stages.segmentation import Segmentation
 from tablemap.stages.surface import Surface
 from tests.making import made_up_run as made_up
 from tests.making.reviews import manifest, page
@@ -95,6 +96,25 @@ def test_a_failed_run_says_what_failed() -> None:
     assert "svg" not in elements(html)
     assert html.index("registration") < html.index("Where this comes from")
     assert "no &lt;two&gt; views" in html
+
+
+def test_a_failed_run_shows_what_was_seen(run: list[object]) -> None:
+    """The surfaces with heights and reasons, and the camera's view that shows most of them."""
+    end = next(k for k, one in enumerate(run) if isinstance(one, Segmentation)) + 1
+    segmentation = run[end - 1]
+    assert isinstance(segmentation, Segmentation)
+    html = page([*run[:end], RunFailed("segmentation", "ignored")], status="failed", error="none")
+    assert f"Surfaces found ({len(segmentation.candidates)})" in html
+    for number, one in enumerate(segmentation.candidates):
+        row = re.search(rf"<tr><td[^>]*>{number}</td>.*?</tr>", html)
+        assert row is not None
+        assert f"{one.height:.3f} m" in row[0]
+        assert (one.reason or "it was taken") in row[0]
+    drawn = re.search(r"<svg.*?</svg>", html, flags=re.DOTALL)
+    assert drawn is not None
+    assert "data:image/jpeg" in drawn[0]
+    assert drawn[0].count("<polyline") >= 1
+    assert re.findall(r">(\d+)</text>", drawn[0])
 
 
 def test_names_cannot_break_the_page(model: TableModel) -> None:

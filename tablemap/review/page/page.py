@@ -29,7 +29,7 @@ h1 { font-size: 1.6em; margin: 0 0 .2em; } h2 { font-size: 1.15em; margin: 1.6em
 table { border-collapse: collapse; font-size: .93em; }
 td, th { text-align: left; vertical-align: top; padding: .18em 1.2em .18em 0;
   border-bottom: 1px solid #ddd; overflow-wrap: anywhere; }
-td:first-child { white-space: nowrap; } th { font-weight: 600; }
+td:first-child, th, .short { white-space: nowrap; } th { font-weight: 600; }
 svg { max-width: 100%; height: auto; }
 section, tr { break-inside: avoid; } h2 { break-after: avoid; }
 @media print { body { margin: 0; max-width: none; font-size: 11px; } }
@@ -41,6 +41,8 @@ section, tr { break-inside: avoid; } h2 { break-after: avoid; }
     )
 )
 MOST_ROWS = 200
+SHORT = 24
+"""Letters of a cell that stays one line: long texts beside it give way."""
 
 
 class Page:
@@ -76,6 +78,7 @@ class Page:
                 f'<h1 class="failed">No model of {name}</h1>',
                 f"<p>The run ended in <b>{escape(stage)}</b>:</p>",
                 f"<blockquote>{escape(error or 'no reason was given')}</blockquote>",
+                *_found(self._best),
                 _stages_done(manifest, stage, status),
             ]
         else:
@@ -97,6 +100,30 @@ class Page:
                 "</body></html>\n",
             ]
         )
+
+
+def _found(best: BestView) -> Iterable[str]:
+    """Write which surfaces were seen where none was a table, and show the likeliest."""
+    if not best.found:
+        return
+    picture = best.svg_of_found()
+    if picture:
+        yield f"<section><h2>In the camera's image</h2>{picture}</section>"
+    yield f"<h2>Surfaces found ({len(best.found)})</h2>"
+    yield _table(
+        ("surface", "x, y in m", "height", "area", "views", "against it"),
+        [
+            (
+                k,
+                f"{one.x:.2f}, {one.y:.2f}",
+                f"{one.height:.3f} m",
+                f"{one.area:.2f} m²",
+                len(one.views),
+                one.reason or ("it was taken, and gave no table" if one.chosen else ""),
+            )
+            for k, one in enumerate(best.found[:MOST_ROWS])
+        ],
+    )
 
 
 def _model(model: TableModel, name: str, surface: Surface | None, picture: str) -> Iterable[str]:
@@ -180,7 +207,7 @@ def _beside(others: Sequence[OtherTable]) -> Iterable[str]:
     yield _table(
         ("table", "what it is", "x, y in m", "height", "verdict"),
         [
-            (f"{one.number:02d}", one.outcome, "", "", "failed")
+            (f"{one.number:02d}", one.outcome, "", "", "none")
             if isinstance(one.outcome, str)
             else (
                 f"{one.number:02d}",
@@ -202,7 +229,9 @@ def _beside(others: Sequence[OtherTable]) -> Iterable[str]:
 
 
 def _stages_done(manifest: Manifest, last: str, status: str) -> str:
-    rows = [(name, f"{seconds:.2f} s") for name, seconds in manifest.timings.items()]
+    rows = [
+        (name, f"{seconds:.2f} s") for name, seconds in manifest.timings.items() if name != last
+    ]
     return "<h2>How far it came</h2>" + _table(("stage", "time"), [*rows, (last, status)])
 
 
@@ -233,4 +262,7 @@ def _table(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:
 
 def _cell(text: str) -> str:
     is_status = text in ("measured", "inferred", "unseen", "good", "doubtful", "failed")
-    return f'<td class="{text}">{text}</td>' if is_status else f"<td>{escape(text)}</td>"
+    if is_status:
+        return f'<td class="{text} short">{text}</td>'
+    kind = ' class="short"' if len(text) <= SHORT else ""
+    return f"<td{kind}>{escape(text)}</td>"
