@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, uniform_filter
+from scipy.ndimage import gaussian_filter
 
-from tablemap.config import OutlineConfig, SensorsConfig
+from tablemap.config import OutlineConfig
 from tablemap.geometry import Bools, Floats
 from tablemap.masks import crowded, grown
 from tablemap.stages.outline.plane import ViewPlane, axial_noise
+from tablemap.stages.outline.shadows import Gaps, Shadow, find_gaps
 from tablemap.stages.segmentation import Label
 from tablemap.stages.snapshots import Snapshot
 
@@ -57,15 +58,32 @@ class Occupancy:
     offset: float
 
 
-def observe(
-    snapshot: Snapshot,
-    labels: NDArray[np.uint8],
-    plane: ViewPlane,
-    *,
-    config: OutlineConfig,
-    sensors: SensorsConfig,
-) -> Occupancy | None:
-    """Classify the pixels round the labelled top as top, below, front or missing.
+@dataclass(frozen=True, eq=False)
+class Classes:
+    """What the pixels of a view's window show, before shadows are known; see `Occupancy`.
+
+    ``gaps`` are the missing pixels to the left and to the right of the top.
+    """
+
+    origin: tuple[int, int]
+    depth: Floats32
+    height: Floats32
+    fall: Floats32
+    tau: Floats32
+    top: Bools
+    below: Bools
+    front: Bools
+    known: Bools
+    border: tuple[float, float, float, float]
+    normal: Floats
+    offset: float
+    gaps: tuple[Gaps, Gaps]
+
+
+def classify(
+    snapshot: Snapshot, labels: NDArray[np.uint8], plane: ViewPlane, *, config: OutlineConfig
+) -> Classes | None:
+    """Classify the pixels round the labelled top as top, below, front or unknown.
 
     Returns None if no pixel is labelled as top.
     """
@@ -94,26 +112,44 @@ def observe(
 
     smooth_top = gaussian_filter(top.astype(np.float32), config.smoothing_px, truncate=3.0)
     below &= ~_mixed(depth, height, fall, below, smooth_top, snapshot, rows, columns, config)
-    bridged = _shadowed(
-        depth, top, below, front, known, snapshot.camera.fx, sensors.projector_baseline
-    )
-    smooth_top, share = _filled(top, below, bridged, ~known, config)
-    return Occupancy(
+    return Classes(
         origin=(rows.start, columns.start),
         depth=depth,
         height=height,
         fall=fall,
         tau=tau,
         top=top,
-        below=below | bridged,
+        below=below,
         front=front,
-        missing=~known & ~bridged,
-        bridged=bridged,
-        share=share,
-        smooth_top=smooth_top,
+        known=known,
         border=_border(snapshot.depth, rows, columns),
         normal=normal,
         offset=offset,
+        gaps=find_gaps(depth, top, below, front, known, snapshot.camera.fx),
+    )
+
+
+def occupancy(classes: Classes, shadow: Shadow | None, *, config: OutlineConfig) -> Occupancy:
+    """Tell missing pixels in the sensor's shadow from others, and smooth the top."""
+    shape = classes.depth.shape
+    bridged = np.zeros(shape, dtype=bool) if shadow is None else shadow.cast_on(classes.gaps, shape)
+    smooth_top, share = _filled(classes.top, classes.below, bridged, ~classes.known, config)
+    return Occupancy(
+        origin=classes.origin,
+        depth=classes.depth,
+        height=classes.height,
+        fall=classes.fall,
+        tau=classes.tau,
+        top=classes.top,
+        below=classes.below | bridged,
+        front=classes.front,
+        missing=~classes.known & ~bridged,
+        bridged=bridged,
+        share=share,
+        smooth_top=smooth_top,
+        border=classes.border,
+        normal=classes.normal,
+        offset=classes.offset,
     )
 
 
@@ -188,64 +224,6 @@ def _gradient(image: Floats32, v: NDArray[np.intp], u: NDArray[np.intp]) -> Floa
     across = image[v, np.minimum(u + 1, right)] - image[v, np.maximum(u - 1, 0)]
     along = image[np.minimum(v + 1, bottom), u] - image[np.maximum(v - 1, 0), u]
     return np.column_stack([across, along]).astype(np.float64)
-
-
-def _shadowed(
-    depth: Floats32,
-    top: Bools,
-    below: Bools,
-    front: Bools,
-    known: Bools,
-    fx: float,
-    baseline: float,
-) -> Bools:
-    """Find missing pixels next to the top that may lie in the shadow of the sensor's projector.
-
-    Such pixels lie in a row between a lower surface and the top. They are no further from the top
-    than the parallax of camera and projector. They lie on the side where this sensor's gaps are
-    wide.
-    """
-    found = np.zeros(depth.shape, dtype=bool)
-    missing = ~known
-    if not top.any() or not missing.any():
-        return found
-    # Use the disparity of the background about a pixel: at a ragged edge its own row may lack it.
-    weight = uniform_filter(below.astype(np.float32), 17, mode="constant")
-    inverse = np.zeros(depth.shape, dtype=np.float32)
-    np.divide(1.0, depth, out=inverse, where=below)
-    inverse = uniform_filter(inverse, 17, mode="constant")
-    around = np.full(depth.shape, np.nan, dtype=np.float32)
-    np.divide(inverse, weight, out=around, where=weight > 5 / 17**2)
-    candidates = []
-    for flip in (False, True):
-        turned = slice(None, None, -1 if flip else 1)
-        z, behind = depth[:, turned], around[:, turned]
-        is_top, is_below, gone = top[:, turned], below[:, turned], missing[:, turned]
-        sure = is_top | is_below | front[:, turned]
-        width = z.shape[1]
-        columns = np.arange(width, dtype=np.int32)
-        before = np.maximum.accumulate(np.where(is_below, columns, np.int32(-1)), axis=1)
-        last = np.maximum.accumulate(np.where(sure, columns, np.int32(-1)), axis=1)
-        ahead = np.minimum.accumulate(np.where(is_top, columns, np.int32(width))[:, ::-1], axis=1)[
-            :, ::-1
-        ]
-        in_row = (before >= 0) & (before == last)
-        v, u = np.nonzero(gone & (in_row | np.isfinite(behind)) & (ahead < width))
-        left, right = before[v, u], ahead[v, u]
-        background = np.where(in_row[v, u], 1 / z[v, np.maximum(left, 0)], behind[v, u])
-        parallax = fx * baseline * (1 / z[v, right] - background)
-        # A gap that ends at a lower surface must not be wider than the whole shadow.
-        reach = np.where(in_row[v, u], right - left - 1, right - u)
-        inside = reach <= parallax + 2
-        v, u, left, right = v[inside], u[inside], left[inside], right[inside]
-        wide = int(np.sum(in_row[v, u] & (right - left - 1 > 3)))
-        candidates.append((wide, v, (width - 1 - u) if flip else u))
-    (first, *at_first), (second, *at_second) = candidates
-    most, at = (first, at_first) if first >= second else (second, at_second)
-    if most < 20 or most < 2 * min(first, second):
-        return found
-    found[at[0], at[1]] = True
-    return found
 
 
 def _filled(

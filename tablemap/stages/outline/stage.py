@@ -11,9 +11,10 @@ from tablemap.config import OutlineConfig, SensorsConfig
 from tablemap.errors import EstimationError, ProcessWarning
 from tablemap.stages.calibration import Calibration
 from tablemap.stages.outline.contour import Contour, place_on_plane, trace
-from tablemap.stages.outline.occupancy import Occupancy, observe
+from tablemap.stages.outline.occupancy import Occupancy, classify, occupancy
 from tablemap.stages.outline.plane import ViewPlane, fit_plane, joint_height
 from tablemap.stages.outline.result import EdgeKind, Outline, ViewEdges
+from tablemap.stages.outline.shadows import find_shadow
 from tablemap.stages.outline.thickness import FaceEnds, face_ends, joint_rim, joint_thickness
 from tablemap.stages.outline.votes import vote
 from tablemap.stages.segmentation import Segmentation, ViewSegmentation
@@ -70,15 +71,20 @@ def find_edges(
     lift = 0.0 if camera is None else camera.view_lift
     if camera is not None:
         height_sigma = float(np.sqrt(height_sigma**2 + camera.covariance[0, 0]))
-    traced: list[_TracedView] = []
+    seen = []
     for view in used:
         if view.index not in own:
             continue
-        snapshot = by_index[view.index]
         plane = _shrunk(own[view.index], height, scatter)
-        seen = observe(snapshot, view.labels, plane, config=config, sensors=sensors)
-        if seen is not None:
-            traced.append(_TracedView(snapshot, plane, seen, trace(seen, snapshot, config=config)))
+        classes = classify(by_index[view.index], view.labels, plane, config=config)
+        if classes is not None:
+            seen.append((by_index[view.index], plane, classes))
+    shadow = find_shadow([classes.gaps for *_, classes in seen], sensors.projector_baseline)
+    traced: list[_TracedView] = []
+    for snapshot, plane, classes in seen:
+        occupied = occupancy(classes, shadow, config=config)
+        contour = trace(occupied, snapshot, config=config)
+        traced.append(_TracedView(snapshot, plane, occupied, contour))
 
     faces = _faces(traced, height, config, sensors)
     thickness = joint_thickness(faces, config=config)
