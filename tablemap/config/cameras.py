@@ -10,7 +10,7 @@ DepthCamera = Literal[
 ]
 """The kinds of depth cameras, and models of them."""
 
-_STEREO = {"far_edge_bias": 1.0, "edge_bias_sigma": 0.004}
+_STEREO = {"top_widening_sigma_px": 0.6, "edge_bias_sigma": 0.004}
 """What compares windows of two images fattens what is in front, by millimetres."""
 
 CAMERAS = MappingProxyType[DepthCamera, dict[str, float]](

@@ -250,12 +250,12 @@ class SensorsConfig(Section):
         description="sigmas of one edge point; error that all near edges share (sigma), in the "
         "fit of the surface. Higher: larger sigmas of the dimensions",
     )
-    far_edge_bias: float = Field(
-        default=0.4,
+    top_widening_sigma_px: float = Field(
+        default=0.24,
         gt=0,
-        description="sigmas of one edge point; error that all far edges share (sigma), in the fit "
-        "of the surface; the default is a quarter of a pixel, from mixed pixels. Higher: larger "
-        "sigmas of the dimensions",
+        description="pixels; by how much the image widens the top before a background (sigma), "
+        "where its legs do not tell it; the default is for mixed pixels. Higher: larger sigmas of "
+        "the dimensions",
     )
     edge_bias_sigma: float = Field(
         default=0.002,

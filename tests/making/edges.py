@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import shapely
 
+from tablemap.config import SensorsConfig
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.odometry import Trajectory
 from tablemap.stages.outline import EdgeKind, Outline, ViewEdges
@@ -237,6 +238,7 @@ def _view(
         sigma=np.full(len(at), bench.point_sigma),
         kind=kind,
         is_near=near,
+        widening=np.where(near, 0.0, bench.point_sigma / SensorsConfig().edge_sigma_px),
         pixels=np.column_stack([at / closed.length * bench.points * 4, np.zeros(len(at))]),
         camera_xy=camera,
         drop=0.4,

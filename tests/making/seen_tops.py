@@ -37,6 +37,7 @@ class Seen:
                     sigma=np.full(len(ring), 0.002),
                     kind=np.full(len(ring), EdgeKind.TABLE, dtype=np.uint8),
                     is_near=np.zeros(len(ring), dtype=bool),
+                    widening=np.zeros(len(ring)),
                     pixels=np.zeros((len(ring), 2)),
                     camera_xy=np.zeros(2),
                     drop=0.4,

@@ -24,14 +24,21 @@ class Contour:
     - ``outward``: (n, 2) unit vectors in the image
     - ``kind``: (n,) of `EdgeKind`
     - ``gap``: (n,), number of unknown pixels next to the point
-    - ``is_face``: (n,), whether the image's downward direction points out of the top here
+    - ``facing``: (n,), cosine between ``outward`` and the image's downward direction; above 0 the
+      side face is towards the camera
     """
 
     place: Floats
     outward: Floats
     kind: NDArray[np.uint8]
     gap: Floats
-    is_face: Bools
+    facing: Floats
+
+    @property
+    def is_face(self) -> Bools:
+        """Whether the side face is towards the camera (n,)."""
+        face: Bools = self.facing > 0
+        return face
 
 
 def trace(seen: Occupancy, snapshot: Snapshot, *, config: OutlineConfig) -> Contour:
@@ -47,7 +54,7 @@ def trace(seen: Occupancy, snapshot: Snapshot, *, config: OutlineConfig) -> Cont
     step = np.concatenate([step, other_step])
     kind = np.concatenate([kind, other_kind])
     gap = np.concatenate([gap, np.zeros(len(other_place))])
-    return Contour(place, step, kind, gap, np.sum(step * _down(seen, snapshot, place), axis=1) > 0)
+    return Contour(place, step, kind, gap, np.sum(step * _down(seen, snapshot, place), axis=1))
 
 
 def _down(seen: Occupancy, snapshot: Snapshot, place: Floats) -> Floats:
@@ -259,6 +266,7 @@ class PlacedContour:
     normals: Floats
     sigma: Floats
     is_near: Bools
+    widening: Floats
 
 
 def place_on_plane(
@@ -288,12 +296,15 @@ def place_on_plane(
     v = np.clip(np.round(window[:, 1]).astype(int), 0, seen.top.shape[0] - 1)
     tau = seen.tau[v, u].astype(np.float64)
     is_table = contour.kind == EdgeKind.TABLE
-    strip = tau
+    strip, is_sliver = tau, np.zeros(len(window), dtype=bool)
+    is_open = ~contour.is_face
     if thickness is not None:
         # If the rest of the face is only about a pixel high, the smoothing takes half of it.
-        left = thickness - tau
-        narrow = left < 1.5 * _metres_per_px(seen, snapshot, u, v)
-        strip = np.where(narrow, tau + np.where(left > 0, 0.5, 1.0) * left, tau)
+        left, about_a_pixel = thickness - tau, 1.5 * _metres_per_px(seen, snapshot, u, v)
+        strip = np.where(left < about_a_pixel, tau + np.where(left > 0, 0.5, 1.0) * left, tau)
+        # A face seen from its end is a sliver beside the background.
+        is_sliver = contour.is_face & (left * contour.facing < about_a_pixel)
+        is_open |= is_sliver
     lower = np.where(contour.is_face & is_table, strip, 0.0)
 
     pixel = window + np.array([seen.origin[1], seen.origin[0]])
@@ -339,6 +350,7 @@ def place_on_plane(
     leverage = np.abs(np.sum(normals * away, axis=1))
     pixels_sigma = np.hypot(edge_sigma_px, contour.gap * 0.29)
     pixels_sigma[~is_table] = np.maximum(pixels_sigma[~is_table], 1.0)
+    pixels_sigma[is_sliver] = np.hypot(pixels_sigma[is_sliver], _SLIVER_SIGMA_PX)
     # On a face the crossing is as uncertain as a depth there. Smoothing over about a dozen pixels
     # reduces the part of the noise that they do not share.
     smoothed = plane.noise * np.sqrt(plane.shared + (1 - plane.shared) / 12)
@@ -346,4 +358,8 @@ def place_on_plane(
     if thickness is None:
         face_sigma = np.hypot(face_sigma, np.where(lower > 0, config.face_sigma, 0.0))
     sigma = np.hypot(pixels_sigma * metres_per_px, leverage * face_sigma)
-    return PlacedContour(points, normals, sigma, contour.is_face)
+    widening = np.where(is_open, metres_per_px, 0.0)
+    return PlacedContour(points, normals, sigma, contour.is_face, widening)
+
+
+_SLIVER_SIGMA_PX = 1.5  # smoothing mixes a sliver of a face with the background

@@ -32,6 +32,8 @@ class ViewEdges:
     - ``sigma``: (n,) metres along the normal
     - ``kind``: (n,) uint8 of `EdgeKind`
     - ``is_near``: (n,) bool, whether the side face is towards the camera
+    - ``widening``: (n,) metres outward by which a point moves if depth makes the top a pixel wider;
+      0 where the side face separates it from the background
     - ``pixels``: (n, 2) float, column and row
     - ``camera_xy``: (2,) metres, the camera's place in the base
     - ``drop``: metres, the camera's height above the top
@@ -50,6 +52,7 @@ class ViewEdges:
     sigma: Floats
     kind: NDArray[np.uint8]
     is_near: Bools
+    widening: Floats
     pixels: Floats
     camera_xy: Floats
     drop: float
@@ -67,6 +70,7 @@ class ViewEdges:
             sigma=self.sigma[kept],
             kind=self.kind[kept],
             is_near=self.is_near[kept],
+            widening=self.widening[kept],
             pixels=self.pixels[kept],
         )
 

@@ -111,6 +111,7 @@ def find_edges(
             sigma=placed.sigma,
             kind=item.contour.kind,
             is_near=placed.is_near,
+            widening=placed.widening,
             pixels=item.contour.place + np.array(item.seen.origin[::-1], dtype=np.float64),
             camera_xy=item.snapshot.base_from_camera[:2, 3].copy(),
             drop=item.plane.drop(item.snapshot.base_from_camera),

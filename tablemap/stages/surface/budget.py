@@ -41,7 +41,7 @@ _COMMON = {
     "yaw": "mount",
     "focal": "focal",
     "near_bias": "rim",
-    "far_bias": "rim",
+    "widening": "rim",
     "shift_x": "mount",
     "shift_y": "mount",
     "set_back": "rim",

@@ -31,6 +31,7 @@ class Evidence:
     in_base, normal_in_base: (N, 2), edge points and outward normals in the base of their view
     motion: derivatives of the points by errors of the camera, in the base of their view
     drop: (N,), of the camera above the top, metres
+    widening: (N,), metres outward by which a point moves if depth makes the top a pixel wider
     view: (N,), snapshot of each point
     poses: (n, 3), x, y, yaw of all snapshots
     spread: (n, 3), metres, the places of the snapshots from their middle; 0 for the yaw
@@ -52,6 +53,7 @@ class Evidence:
     sigma: Floats
     view: Ints
     is_near: Bools
+    widening: Floats
     poses: Floats
     spread: Floats
     prior_root: Floats
@@ -84,6 +86,7 @@ class Evidence:
             sigma=self.sigma[chosen],
             view=self.view[chosen],
             is_near=self.is_near[chosen],
+            widening=self.widening[chosen],
             view_slices=tuple(
                 slice(int(e) - len(part), int(e)) for e, part in zip(ends, kept, strict=True)
             ),
@@ -138,6 +141,7 @@ def gather(
     heads = np.repeat([outline.turns.get(view.index, 0.0) for view in views], counts)
     sigma = np.concatenate([v.sigma[p] for v, p in zip(views, parts, strict=True)])
     near = np.concatenate([v.is_near[p] for v, p in zip(views, parts, strict=True)])
+    widening = np.concatenate([v.widening[p] for v, p in zip(views, parts, strict=True)])
     index = np.concatenate(
         [np.full(len(p), v.index, dtype=np.int64) for v, p in zip(views, parts, strict=True)]
     )
@@ -159,6 +163,7 @@ def gather(
         sigma=np.maximum(sigma, config.sigma_floor),
         view=index,
         is_near=near.astype(bool),
+        widening=widening,
         poses=poses,
         spread=(poses - poses.mean(axis=0)) * (1.0, 1.0, 0.0),
         prior_root=root,

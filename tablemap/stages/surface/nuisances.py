@@ -21,7 +21,8 @@ class CommonNuisances:
     scale: how much farther the top is from the camera than the calibration says, a share
     roll, pitch, yaw: turn of the camera about the axes of the base, or of the head, radians
     focal: how much farther all bearings are from the optical axis, a share
-    near_bias, far_bias: outward bias of near and of far edges, in sigmas of a point
+    near_bias: outward bias of near edges, in sigmas of a point
+    widening: by how much depth makes the top wider where the background begins, pixels
     shift_x, shift_y: shift of the camera in the base, metres
     set_back: distance of far edges inward from the outline, metres
     slope_x, slope_y: slope of the top in the map
@@ -34,7 +35,7 @@ class CommonNuisances:
     yaw: float = 0.0
     focal: float = 0.0
     near_bias: float = 0.0
-    far_bias: float = 0.0
+    widening: float = 0.0
     shift_x: float = 0.0
     shift_y: float = 0.0
     set_back: float = 0.0

@@ -55,7 +55,7 @@ def common_prior(
         focal = sensors.focal_length_sigma if held else sensors.calibrated_focal_length_sigma
         shift = max(registration.systematic / config.systematic_sigmas, 1e-6)
         stretch = registration.stretch_sigma
-    widening, far_bias = _far_bias(mounting, sensors)
+    widening, widening_sigma = _widening(mounting, sensors)
     set_back = sensors.rim_set_back if outline.is_dull else sensors.sharp_rim_set_back
     sigmas = CommonNuisances(
         scale=unknown,
@@ -64,7 +64,7 @@ def common_prior(
         yaw=sensors.laser_mounting_yaw_sigma,
         focal=focal,
         near_bias=sensors.near_edge_bias,
-        far_bias=far_bias,
+        widening=widening_sigma,
         shift_x=shift,
         shift_y=shift,
         set_back=max(set_back, 1e-6),
@@ -77,7 +77,7 @@ def common_prior(
         at = [CommonNuisances.place(name) for name in ("scale", "roll", "pitch")]
         covariance[np.ix_(at, at)] = camera.covariance[1:, 1:] + np.diag([1e-12] * 3)
     precision: Floats = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
-    mean = CommonNuisances(far_bias=widening).pack()
+    mean = CommonNuisances(widening=widening).pack()
     if mounting is not None:
         seen = np.zeros((4, CommonNuisances.COUNT))
         for row, name in enumerate(("shift_x", "shift_y", "yaw", "stretch")):
@@ -89,22 +89,19 @@ def common_prior(
     return mean, precision
 
 
-def _far_bias(mounting: Mounting | None, sensors: SensorsConfig) -> tuple[float, float]:
-    """Return the outward bias of far edges and its standard deviation, in sigmas of an edge point.
+def _widening(mounting: Mounting | None, sensors: SensorsConfig) -> tuple[float, float]:
+    """Return by how many pixels depth widens the top, and the standard deviation.
 
-    Most depth images widen nothing: only a clear sign in the legs' silhouettes counts. A near edge
-    has its side face beside it, and so no background.
+    Most depth images widen nothing: only a clear sign in the legs' silhouettes counts.
     """
     if mounting is None:
-        return 0.0, sensors.far_edge_bias
+        return 0.0, sensors.top_widening_sigma_px
     widening, sigma = mounting.widening
     noise = float(np.hypot(sigma, sensors.edge_widening_sigma_px))
     if widening < _CLEAR * noise:
-        return 0.0, sensors.far_edge_bias
+        return 0.0, sensors.top_widening_sigma_px
     gain = 1.0 / (1.0 + (noise / sensors.silhouette_width_sigma_px) ** 2)
-    unit = sensors.edge_sigma_px
-    sigma = np.hypot(sensors.far_edge_bias, noise * np.sqrt(gain) / unit)
-    return gain * widening / unit, float(sigma)
+    return gain * widening, float(noise * np.sqrt(gain))
 
 
 _CLEAR = 2.0  # sigmas

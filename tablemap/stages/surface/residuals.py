@@ -94,10 +94,8 @@ def observe(state: State, evidence: Evidence, config: SurfaceConfig, noise: Nois
     cosine, sine = np.cos(poses[:, 2])[view], np.sin(poses[:, 2])[view]
     scale = (common.scale + correction.scale)[view]
     moved = evidence.motion
-    outward = np.where(
-        evidence.is_near,
-        common.near_bias * evidence.sigma,
-        common.far_bias * evidence.sigma - common.set_back,
+    outward = common.widening * evidence.widening + np.where(
+        evidence.is_near, common.near_bias * evidence.sigma, -common.set_back
     )
     # A sloping top is nearer to the camera, or farther, by its rise at the point.
     rise = evidence.points @ np.array([common.slope_x, common.slope_y])
@@ -159,15 +157,14 @@ def linearise(
     by_roll, by_pitch, by_yaw = by(motion.roll), by(motion.pitch), by(motion.yaw)
     by_slope = -by_lever / evidence.drop * evidence.points.T
     by_turn = leftward * seen.local[:, 0] - forward * seen.local[:, 1]
-    outward = -seen.facing * evidence.sigma
     by_common = CommonNuisances.stack(
         scale=by_scale,
         roll=by_roll,
         pitch=by_pitch,
         yaw=by_yaw,
         focal=by(motion.focal),
-        near_bias=np.where(evidence.is_near, outward, 0.0),
-        far_bias=np.where(evidence.is_near, 0.0, outward),
+        near_bias=np.where(evidence.is_near, -seen.facing * evidence.sigma, 0.0),
+        widening=-seen.facing * evidence.widening,
         shift_x=forward,
         shift_y=leftward,
         set_back=np.where(evidence.is_near, 0.0, seen.facing),

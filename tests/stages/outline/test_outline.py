@@ -138,6 +138,20 @@ def test_shadows_beside_an_edge_are_bridged(baseline: float) -> None:
     assert np.percentile(np.abs(far), 95) < 8.0
 
 
+def test_a_wider_top_moves_only_edges_with_the_background_beside_them() -> None:
+    """A pixel is worth millimetres at far edges and nothing before a side face.
+
+    Where the side face is a sliver, the point is as uncertain as a pixel.
+    """
+    (view,) = outline_of(Scene(TOP), HIGH_CAMERA).views
+    table = view.kind == EdgeKind.TABLE
+    far, near = table & ~view.is_near, table & view.is_near
+    assert (view.widening[far] > 0.0005).all()
+    assert np.mean(view.widening[near] == 0) > 0.8
+    sliver = near & (view.widening > 0)
+    assert (view.sigma[sliver] > view.widening[sliver]).all()
+
+
 def test_coarse_depth_steps_give_edges_with_honest_sigma() -> None:
     """Steps of 39 mm scatter the near edges by centimetres, and the sigma says so."""
     scene = Scene(replace(TOP, low=0.70), steps=0.039)

@@ -95,7 +95,7 @@ def test_a_camera_by_name(tmp_path: Path) -> None:
     assert taken == {"projector_baseline": 0.0}
     own, _ = SensorsConfig(depth_camera="zed", projector_baseline=0.063).of_camera(None)
     assert own.projector_baseline == 0.063
-    assert own.far_edge_bias == 1.0
+    assert own.top_widening_sigma_px == 0.6
     assert SensorsConfig().of_camera("structured_light") == (SensorsConfig(), {})
     config = load_config(overrides=["sensors.depth_camera=oak"])
     assert config.sensors.depth_camera == "oak"
