@@ -114,16 +114,21 @@ class Projection:
         for snapshot, frame in self._in_turn(stream):
             map_from_base = snapshot.map_from_base.lifted()
             map_from_base[2, 3] = stream.scene.floor_z
-            strips, labels = [], []
+            seen: dict[int, list[NDArray[np.float32]]] = {}
             for number, one in enumerate(candidates):
                 line = closed(one.hull, stream.scene.floor_z + one.height)
                 pieces = in_image(snapshot, map_from_base, line, dashed=False) if len(line) else []
                 if pieces:
-                    high = DIGIT_SHARE * snapshot.camera.height
-                    corner = pieces[0].min(axis=0) - [0.0, 1.3 * high]
-                    pieces = [*pieces, *digits.number(number, corner, high)]
-                strips += pieces
-                labels += [f"{number}: {one.height:.2f} m"] * len(pieces)
+                    seen[number] = pieces
+            high = DIGIT_SHARE * snapshot.camera.height
+            for number, place in places_apart(seen).items():
+                seen[number] += digits.number(number, place - [0.0, 1.3 * high], high)
+            strips = [piece for pieces in seen.values() for piece in pieces]
+            labels = [
+                f"{number}: {candidates[number].height:.2f} m"
+                for number, pieces in seen.items()
+                for _ in pieces
+            ]
             stream.log(
                 "camera/candidates",
                 rr.LineStrips2D(
@@ -234,6 +239,23 @@ def _outline_of(leg: TableLeg) -> Floats:
     """Return a leg's closed cross-section (n, 2) in the map."""
     sizes = {name: figure.value for name, figure in leg.dimensions.items()}
     return section(leg.shape, Pose2(leg.x, leg.y, leg.yaw), sizes)
+
+
+def places_apart(lines: dict[int, list[NDArray[np.float32]]]) -> dict[int, Floats]:
+    """Return a place (2,) on each line, given as pieces (n, 2), as far from the others' as can be.
+
+    Each line's number stands there: lines that nearly coincide have theirs side by side.
+    """
+    places: dict[int, Floats] = {}
+    for number, pieces in lines.items():
+        points = np.concatenate(pieces).astype(np.float64)
+        if not places:
+            places[number] = points[np.argmin(points[:, 0])]
+            continue
+        taken = np.array(list(places.values()))
+        away = np.linalg.norm(points[:, None] - taken, axis=-1).min(axis=1)
+        places[number] = points[np.argmax(away)]
+    return places
 
 
 def in_image(

@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from tablemap.events import OfTable, OtherTable
 from tablemap.model import TableModel
-from tablemap.review.projection import edge_points_seen, in_image
+from tablemap.review.projection import edge_points_seen, in_image, places_apart
 from tablemap.stages.outline import Outline
 from tests.making import made_up_run as made_up
 from tests.making.reviews import columns, write
@@ -61,6 +61,16 @@ def test_a_dashed_line_has_gaps_and_stays_in_place() -> None:
     assert len(pieces) > 10
     assert 0.3 < len(dashed) / len(solid) < 0.7
     assert set(map(tuple, dashed.tolist())) <= set(map(tuple, solid.tolist()))
+
+
+def test_numbers_of_lines_that_coincide_stand_apart() -> None:
+    """Each on its own line, side by side where the lines lie over each other."""
+    line = np.column_stack([np.linspace(0, 90, 91), np.full(91, 40.0)]).astype(np.float32)
+    places = places_apart({k: [line + 0.1 * k] for k in range(4)})
+    for k, place in places.items():
+        assert np.abs(line + 0.1 * k - place).max(axis=1).min() < 1e-4
+    apart = [np.linalg.norm(places[a] - places[b]) for a in range(4) for b in range(a)]
+    assert min(apart) > 20.0
 
 
 def test_what_is_behind_the_camera_is_not_drawn() -> None:

@@ -41,6 +41,7 @@ section, tr { break-inside: avoid; } h2 { break-after: avoid; }
     )
 )
 MOST_ROWS = 200
+NO_TABLE = "nothing by itself; it gave no table"
 SHORT = 24
 """Letters of a cell that stays one line: long texts beside it give way."""
 
@@ -119,7 +120,7 @@ def _found(best: BestView) -> Iterable[str]:
                 f"{one.height:.3f} m",
                 f"{one.area:.2f} m²",
                 len(one.views),
-                one.reason or ("it was taken, and gave no table" if one.chosen else ""),
+                one.reason or NO_TABLE,
             )
             for k, one in enumerate(best.found[:MOST_ROWS])
         ],

@@ -15,7 +15,7 @@ from tablemap.model import TableModel
 from tablemap.recording.messages import CompressedImage
 from tablemap.review.clouds import closed
 from tablemap.review.images import JPEG, as_jpeg, colour_size
-from tablemap.review.projection import edge_points_seen, in_image, model_lines
+from tablemap.review.projection import edge_points_seen, in_image, model_lines, places_apart
 from tablemap.stages.calibration import Calibration
 from tablemap.stages.outline import Outline
 from tablemap.stages.segmentation import Segmentation, TableCandidate, TablesFound
@@ -85,13 +85,15 @@ class BestView:
         snapshot = self._snapshots[best]
         colour = _css(palette.OTHER_SURFACE)
         lines = [_polyline(piece, colour, 2.5) for _, piece in drawn[best]]
-        firsts = {k: piece[0] for k, piece in reversed(drawn[best])}
-        size = NUMBER_SHARE * snapshot.depth.shape[0]
+        pieces: dict[int, list[NDArray[np.float32]]] = {}
+        for k, piece in drawn[best]:
+            pieces.setdefault(k, []).append(piece)
+        size, wide = NUMBER_SHARE * snapshot.depth.shape[0], snapshot.depth.shape[1]
         lines += [
-            f'<text x="{x + size / 4:.1f}" y="{max(y - size / 4, size):.1f}" fill="white" '
+            f'<text x="{min(x, wide - size):.1f}" y="{max(y - size / 4, size):.1f}" fill="white" '
             f'stroke="black" stroke-width="{size / 5:.1f}" paint-order="stroke" '
             f'font-size="{size:.1f}">{k}</text>'
-            for k, (x, y) in firsts.items()
+            for k, (x, y) in places_apart(pieces).items()
         ]
         return _svg(
             snapshot,
