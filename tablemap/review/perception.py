@@ -30,7 +30,7 @@ from tablemap.stages.snapshots import Snapshot, Snapshots
 
 SHOWN_WIDTH = 640
 CLOUD_WIDTH = 110
-INSIDE_CELLS = 5
+INSIDE_CELLS, INSIDE_PX = 5, 4  # a cell inside the top is wider than so many pixels
 MOST_IN_SIGHT = 4
 COARSE = 0.04  # metres between the points that names in the view have to stand clear of
 CELL_PX = 4  # of so many metres, at the usual distance of the eye
@@ -204,7 +204,9 @@ class Perception:
         def kept(pixels: Bools, cell: float) -> NDArray[np.float32]:
             return thinned(_points_of(snapshot, pixels, scene.floor_z), cell)
 
-        rim, sparse = kept(is_top & ~inside, cell), kept(inside, INSIDE_CELLS * cell)
+        few = np.zeros_like(inside)
+        few[::INSIDE_PX, ::INSIDE_PX] = inside[::INSIDE_PX, ::INSIDE_PX]
+        rim, sparse = kept(is_top & ~inside, cell), kept(few, INSIDE_CELLS * cell)
         scene.tops[view.index] = np.concatenate([rim, sparse])
         scene.clutter[view.index] = kept((view.labels == Label.ON_TOP) & measured, cell)
 
