@@ -137,7 +137,7 @@ def _copies(recording: Path, folder: Path, number: int) -> list[Path]:
 
 @pytest.mark.benchmark(group="many recordings")
 @pytest.mark.parametrize(
-    ("number", "part"), [(64, 16), pytest.param(1_000, 100, marks=pytest.mark.slow)]
+    ("number", "part"), [(40, 10), pytest.param(1_000, 100, marks=pytest.mark.slow)]
 )
 def test_many_recordings(
     number: int,
