@@ -521,6 +521,7 @@ def _outline(poses: tuple[Pose2, ...], rng: np.random.Generator) -> Outline:
                 np.full(400, 0.002),
                 kind.astype(np.uint8),
                 near,
+                np.zeros(400),
                 np.zeros((400, 2)),
                 np.array([0.1, 0.0]),
                 0.4,
