@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from tablemap.config import SegmentationConfig, SensorsConfig
 from tablemap.geometry import Bools, Floats
-from tablemap.masks import opened, shrunk
+from tablemap.masks import crowded, opened, shrunk
 from tablemap.robust import geman_mcclure, tukey
 from tablemap.stages.segmentation.result import TableCandidate
 from tablemap.stages.segmentation.views import LEAST_UPWARD, SampledView, inside, tolerance
@@ -48,13 +48,15 @@ class Plane:
 class Height:
     """A height in metres with its standard deviation, and the views' own planes by snapshot index.
 
-    ``scatter`` is the standard deviation between views, metres.
+    ``scatter`` is the standard deviation between views, metres. ``other_level`` is the height of a
+    second level, a little lower, that may be the top instead; None if there is none.
     """
 
     value: float
     sigma: float
     planes: dict[int, Plane]
     scatter: float
+    other_level: float | None = None
 
 
 def region(view: SampledView, candidate: TableCandidate, reach: float, among: Bools) -> Bools:
@@ -91,10 +93,15 @@ def joint_height(
     mode = _joint_mode(views, samples, candidate.height)
     if mode is None:
         return None
+    level = _lowest_level(views, samples, places, mode)
+    samples = [
+        near & (view.points[..., 2] < np.float32(level.height + level.clear))
+        for view, near in zip(views, samples, strict=True)
+    ]
     planes: dict[int, Plane] = {}
     weights: list[float] = []
     for view, near, place in zip(views, samples, places, strict=True):
-        found = _view_height(view, near, place, mode, sensors)
+        found = _view_height(view, near, place, level.height, sensors)
         if found is not None:
             planes[view.snapshot.index], sigma, pixels = found
             weights.append(min(pixels, 20_000) / (sigma**2 + 0.002**2))
@@ -118,7 +125,7 @@ def joint_height(
     blocks = sum(int(m.sum()) * v.stride**2 for v, m in zip(views, samples, strict=True))
     floor = float(np.median(noise)) / np.sqrt(max(blocks / BLOCK_PX**2, 1.0)) if noise else 0.0
     between = scatter / np.sqrt(max(effective - 1.0, 1.0))
-    return Height(value, float(np.hypot(between, floor)), planes, scatter)
+    return Height(value, float(np.hypot(between, floor)), planes, scatter, level.other)
 
 
 def _joint_mode(views: list[SampledView], samples: list[Bools], height: float) -> float | None:
@@ -143,6 +150,111 @@ def _joint_mode(views: list[SampledView], samples: list[Bools], height: float) -
     offset = (np.arange(bins) + 0.5) * BIN_M - SEARCH_M
     smooth = smooth * np.exp(-0.5 * (offset / KNOWN_M) ** 2)
     return float(height - SEARCH_M + (int(np.argmax(smooth)) + 0.5) * BIN_M)
+
+
+@dataclass(frozen=True)
+class _Level:
+    """The height of the top, how far above it a pixel may be of the top, and a doubtful level."""
+
+    height: float
+    clear: float = SEARCH_M
+    other: float | None = None
+
+
+def _lowest_level(
+    views: list[SampledView], samples: list[Bools], places: list[Bools], mode: float
+) -> _Level:
+    """Return the level of the top near a mode.
+
+    A tray or a book may cover most of a small top, a centimetre above it. Then each view shows two
+    levels with hardly a pixel between them, as a bent depth image does not. The lower one is the
+    top if what is seen of it lies all round the things on it. If it lies at one end of the table's
+    ``places``, it may also be another surface, and is doubtful.
+    """
+    bins = round(2 * _LEVELS_M / _FINE_M)
+    shares, seen = [], []
+    for view, near in zip(views, samples, strict=True):
+        offset = view.points[..., 2][near].astype(np.float64) - mode + _LEVELS_M
+        index = (offset / _FINE_M).astype(np.int64)[(offset >= 0) & (offset < 2 * _LEVELS_M)]
+        if len(index) < LEAST_PIXELS:
+            continue
+        share = np.bincount(index, minlength=bins) / len(index)
+        width = max(_FINE_M, float(np.median(view.sigma[near]))) / _FINE_M
+        shares.append(ndimage.gaussian_filter1d(share, width, mode="constant"))
+        seen.append((view, near))
+    if len(shares) < _LEAST_VIEWS:
+        return _Level(mode)
+    together = np.array(shares)
+    total = together.mean(axis=0)
+    peaks = 1 + np.flatnonzero((total[1:-1] > total[:-2]) & (total[1:-1] >= total[2:]))
+    peaks = peaks[total[peaks] > _LEAST_SHARE * total.max()]
+    heights = mode - _LEVELS_M + (peaks + 0.5) * _FINE_M
+    doubtful = None
+    for k in range(len(peaks) - 1):
+        if not _shows_both(together, int(peaks[k]), int(peaks[k + 1])):
+            continue
+        low, high = float(heights[k]), float(heights[k + 1])
+        if _is_round(seen, low, high):
+            return _Level(low, 0.5 * (high - low))
+        if low < mode - _LEVEL_M and _is_within(views, samples, places, low):
+            doubtful = low
+    return _Level(mode, other=doubtful)
+
+
+def _shows_both(shares: Floats, low: int, high: int) -> bool:
+    """Tell whether most views (n, bins) have two levels with a gap between them."""
+    near = max(1, (high - low) // 3)
+    lower = shares[:, max(low - near, 0) : low + near + 1].max(axis=1)
+    upper = shares[:, high - near : high + near + 1].max(axis=1)
+    smaller = np.minimum(lower, upper)
+    gap = shares[:, low : high + 1].min(axis=1)
+    both = (smaller > _LEAST_SHARE * np.maximum(lower, upper)) & (gap < _GAP_SHARE * smaller)
+    return int(both.sum()) >= max(2, len(shares) / 2)
+
+
+def _is_round(seen: list[tuple[SampledView, Bools]], low: float, high: float) -> bool:
+    """Tell whether the lower level reaches round the upper one, over all views, in the map.
+
+    A thing at the rim hides a corner of the top.
+    """
+    extents = []
+    for height in (low, high):
+        places = [np.empty((0, 2))]
+        for view, near in seen:
+            level = _at(view, near, height)
+            points = view.points[level][:: max(1, int(level.sum()) // 500), :2]
+            places.append(view.snapshot.map_from_base.apply(points.astype(np.float64)))
+        extents.append(shapely.MultiPoint(np.concatenate(places)).convex_hull)
+    lower, upper = extents
+    return bool(lower.buffer(_ROUND_M).intersection(upper).area > _ROUND_SHARE * upper.area)
+
+
+def _is_within(
+    views: list[SampledView], samples: list[Bools], places: list[Bools], height: float
+) -> bool:
+    """Tell whether most of a level lies within the table's place."""
+    inside = whole = 0
+    for view, near, place in zip(views, samples, places, strict=True):
+        level = _at(view, near, height)
+        inside, whole = inside + int((level & place).sum()), whole + int(level.sum())
+    return inside > _WITHIN_SHARE * whole
+
+
+def _at(view: SampledView, near: Bools, height: float) -> Bools:
+    """Return the pixels of a level, without single ones."""
+    with np.errstate(invalid="ignore"):
+        level = near & (np.abs(view.points[..., 2] - np.float32(height)) < _LEVEL_M)
+    clustered: Bools = crowded(level, 4) & level
+    return clustered
+
+
+_LEVELS_M, _FINE_M = 0.03, 0.001
+_LEVEL_M = 0.003  # metres about a level that belong to it
+_LEAST_VIEWS = 2
+_LEAST_SHARE = 0.15  # of the largest level's pixels: fewer are no level
+_GAP_SHARE = 0.5  # of the smaller level's pixels: more between two levels make them one
+_ROUND_M = 0.02
+_ROUND_SHARE, _WITHIN_SHARE = 0.8, 0.7
 
 
 def _view_height(

@@ -238,7 +238,15 @@ def _choose(
 
 
 def _doubts(height: Height) -> list[ProcessWarning]:
-    if height.scatter <= 0.01:
-        return []
-    message = f"The top's height varies by {1000 * height.scatter:.0f} mm between views"
-    return [ProcessWarning("accuracy.height_scatter", "segmentation", message)]
+    found = []
+    if height.scatter > 0.01:
+        message = f"The top's height varies by {1000 * height.scatter:.0f} mm between views"
+        found.append(ProcessWarning("accuracy.height_scatter", "segmentation", message))
+    if height.other_level is not None:
+        message = (
+            f"Within the top lies another level, {1000 * (height.value - height.other_level):.0f} "
+            "mm lower; if a tray or a cloth covers most of the table, that one is its top; clear "
+            "the table and record it again"
+        )
+        found.append(ProcessWarning("accuracy.two_levels", "segmentation", message))
+    return found

@@ -112,6 +112,58 @@ def test_a_thing_over_half_of_a_small_top_is_not_the_top(rise: float, used: int)
     assert any(c.height == pytest.approx(0.45 + rise, abs=0.004) for c in lids)
 
 
+@pytest.mark.parametrize("rise", [0.008, 0.012, 0.017])
+def test_trays_that_cover_most_of_a_small_top_are_not_its_height(rise: float) -> None:
+    """Two trays cover 56 % of the top: what is left of it lies all round them."""
+    low = table(1.0, 0.5, 0.5, 0.5, 0.45, 0.0)
+    trays = [
+        Box(0.90, 0.5, 0.22, 0.42, 0.45, 0.45 + rise),
+        Box(1.13, 0.60, 0.19, 0.25, 0.45, 0.45 + rise),
+    ]
+    snapshots = round_trip(
+        [*low, *trays], CENTRE, views=8, radius=1.2, pose_error=(0.05, 0.02), seed=2
+    )
+    result = segment(snapshots, config=CONFIG, sensors=SENSORS)
+    assert result.height == pytest.approx(0.45, abs=0.002)
+    assert len(result.used) == 8
+    for view, snapshot in zip(result.views, snapshots, strict=True):
+        z = snapshot.points_in_base()[..., 2][view.labels == Label.TOP]
+        assert np.mean(z > 0.45 + 0.75 * rise) < 0.05
+
+
+def test_a_tray_that_leaves_only_one_end_of_the_top_is_doubted() -> None:
+    """No view can tell it from a lower table that adjoins: the warning has the step."""
+    low = table(1.0, 0.5, 0.5, 0.5, 0.45, 0.0)
+    tray = Box(0.92, 0.5, 0.32, 0.49, 0.45, 0.462)
+    bare, laden = (
+        segment(
+            round_trip(boxes, CENTRE, views=8, radius=1.2, seed=2), config=CONFIG, sensors=SENSORS
+        )
+        for boxes in (low, [*low, tray])
+    )
+    assert not bare.warnings
+    assert laden.height == pytest.approx(0.462, abs=0.002)
+    (doubt,) = laden.warnings
+    assert doubt.code == "accuracy.two_levels"
+    assert "12 mm lower" in doubt.message
+
+
+def test_a_bent_top_has_one_level() -> None:
+    """Depth that bends by 1.5 % over the image spreads a top over 2 cm: no view is lost by that."""
+    snapshots = round_trip(TABLE, CENTRE)
+    rows, columns = snapshots[0].depth.shape
+    across = np.linspace(-1, 1, columns, dtype=np.float32)
+    along = np.linspace(-1, 1, rows, dtype=np.float32)[:, None]
+    bend = 1 + np.float32(0.015) * (across**2 - along**2)
+    bent = tuple(replace(each, depth=each.depth * bend) for each in snapshots)
+    straight = segment(snapshots, config=CONFIG, sensors=SENSORS)
+    result = segment(bent, config=CONFIG, sensors=SENSORS)
+    assert result.used == straight.used
+    assert result.height == pytest.approx(0.74, abs=0.008)
+    for view, other in zip(result.views, straight.views, strict=True):
+        assert (view.labels == Label.TOP).sum() > 0.6 * (other.labels == Label.TOP).sum()
+
+
 def test_seats_round_a_closed_table_do_not_carry_it() -> None:
     """A cloth hides what is under the top, and four seats 15 cm lower stand close to it."""
     closed = Box(1.0, 0.5, 0.8, 0.8, 0.0, 0.60)
