@@ -104,7 +104,8 @@ def polish(
     scans = {i: stop for i, stop in enumerate(stops) if stop is not None and len(stop.points)}
     both = [(a, b) for a, b in pairs if a in scans and b in scans]
     ordered = sorted({*both, *((b, a) for a, b in both)})
-    paired = _PairedPoints.of(scans, ordered, ranges)
+    sources = {t: [s for s, target in ordered if target == t] for _, t in ordered}
+    targets = [_Target.of(t, scans, its, ranges) for t, its in sorted(sources.items())]
     poses = poses.astype(np.float64).copy()
     prior = ranges.sigmas
     last = 3 * len(poses)
@@ -118,7 +119,7 @@ def polish(
     for gate in gates:
         width = max(kernel, gate / 5)
         for _ in range(_ITERATIONS_A_GATE):
-            sums = _correspond(paired, poses, errors, gate, width)
+            sums = _correspond(targets, poses, errors, gate, width)
             sigma = max(float(np.sqrt(sums.squared / max(sums.weight, 1e-9))), _LEAST_SIGMA)
             variance = sigma**2 * effective
             system, gradient = sums.system / variance, sums.gradient / variance
@@ -137,6 +138,8 @@ def polish(
 
 @dataclass(frozen=True, eq=False)
 class _Sums:
+    """The normal equations, and sums over all residuals; ``matched`` (n,) are weights by stop."""
+
     system: Floats
     gradient: Floats
     squared: float
@@ -149,137 +152,138 @@ def _every(stop: StopScan) -> int:
 
 
 @dataclass(frozen=True, eq=False)
-class _PairedPoints:
-    """The points of all ordered pairs, one after the other, those of one target together.
+class _Target:
+    """One scan, and the points of the scans that are paired with it, one scan after the other.
 
-    - ``pairs``: (p, 2) source and target
-    - ``ends``: (p + 1,) where each pair's points begin, and the last one's end
-    - ``pair``: (n,) the pair of each point
-    - ``points``, ``normals``, ``directions``: (n, 2) of the sources, each in its own base
-    - ``to_points``, ``to_normals``, ``to_directions``: (m, 2) of the targets
+    A coordinate is a row, as sums over long rows are several times as fast as over short ones.
+
+    - ``index``, ``sources``: (p,), of the stops
+    - ``ends``: (p + 1,) where each source's points begin, and the last one's end
+    - ``points``, ``normals``, ``directions``: (2, n) of the sources, each in its own base
+    - ``to_points``, ``to_normals``, ``to_directions``: (2, m) of the target
     - ``modes``, ``to_modes``: (n, k) and (m, k), of the errors of their ranges
-    - ``offset``: (p,) where each pair's target begins in these
-    - ``trees``: by target, of its points
+    - ``tree``: of the target's points
     """
 
-    pairs: Ints
+    index: int
+    sources: Ints
     ends: Ints
-    pair: Ints
     points: Floats
     normals: Floats
     directions: Floats
+    modes: Floats
     to_points: Floats
     to_normals: Floats
     to_directions: Floats
-    modes: Floats
     to_modes: Floats
-    offset: Ints
-    trees: dict[int, cKDTree]
+    tree: cKDTree
 
     @staticmethod
     def of(
-        scans: dict[int, StopScan], pairs: Sequence[tuple[int, int]], ranges: RangePrior
-    ) -> _PairedPoints:
-        ordered = sorted(pairs, key=lambda pair: (pair[1], pair[0]))
-        thinned = {i: slice(None, None, _every(stop)) for i, stop in scans.items()}
-        sources = [(scans[s], thinned[s]) for s, _ in ordered]
-        counts = [len(stop.points[every]) for stop, every in sources]
-        sizes = [len(stop.points) for stop in scans.values()]
-        begin = dict(zip(scans, _begins(sizes), strict=True))
+        index: int, scans: dict[int, StopScan], sources: Sequence[int], ranges: RangePrior
+    ) -> _Target:
+        def of_sources(name: str) -> Floats:
+            parts = [getattr(scans[s], name)[:: _every(scans[s])] for s in sources]
+            return np.ascontiguousarray(np.concatenate(parts).T)
 
-        def all_of(name: str) -> Floats:
-            none = np.zeros((0, 2))
-            return np.concatenate([none, *(getattr(stop, name)[every] for stop, every in sources)])
-
-        def targets(name: str) -> Floats:
-            return np.concatenate([np.zeros((0, 2)), *(getattr(s, name) for s in scans.values())])
-
-        beams, to_beams = all_of("directions"), targets("directions")
-        return _PairedPoints(
-            pairs=np.array(ordered, dtype=np.int64).reshape(-1, 2),
-            ends=np.array([*_begins(counts), sum(counts)], dtype=np.int64),
-            pair=np.repeat(np.arange(len(ordered)), counts),
-            points=all_of("points"),
-            normals=all_of("normals"),
+        own = scans[index]
+        beams = of_sources("directions")
+        counts = [len(scans[s].points[:: _every(scans[s])]) for s in sources]
+        return _Target(
+            index=index,
+            sources=np.array(sources, dtype=np.int64),
+            ends=np.cumsum([0, *counts], dtype=np.int64),
+            points=of_sources("points"),
+            normals=of_sources("normals"),
             directions=beams,
-            to_points=targets("points"),
-            to_normals=targets("normals"),
-            to_directions=to_beams,
-            modes=ranges.modes(beams),
-            to_modes=ranges.modes(to_beams),
-            offset=np.array([begin[t] for _, t in ordered], dtype=np.int64),
-            trees={i: cKDTree(stop.points) for i, stop in scans.items()},
+            modes=ranges.modes(beams.T),
+            to_points=np.ascontiguousarray(own.points.T),
+            to_normals=np.ascontiguousarray(own.normals.T),
+            to_directions=np.ascontiguousarray(own.directions.T),
+            to_modes=ranges.modes(own.directions),
+            tree=cKDTree(own.points),
         )
 
 
-def _begins(counts: Sequence[int]) -> list[int]:
-    return [0, *np.cumsum(counts).tolist()][: len(counts)]
-
-
 def _correspond(
-    paired: _PairedPoints, poses: Floats, errors: Floats, gate: float, kernel: float
+    targets: Sequence[_Target], poses: Floats, errors: Floats, gate: float, kernel: float
 ) -> _Sums:
     """Accumulate the normal equations of n_t . (P_s p - P_t q) over all ordered pairs."""
-    own = 3 * len(poses) + np.arange(len(errors))
     size = 3 * len(poses) + len(errors)
-    sources, targets = paired.pairs.T
-    relative = compose(inverses(poses[targets]), poses[sources])
-    corrected = paired.points + (paired.modes @ errors)[:, None] * paired.directions
-    turns = _turns(relative[:, 2])[paired.pair]
-    moved = _turned(turns, corrected) + relative[paired.pair, :2]
-    distance = np.empty(len(moved))
-    index = np.empty(len(moved), dtype=np.int64)
-    # The pairs of one target lie together: its tree is asked once.
-    bounds = np.flatnonzero(np.diff(targets, prepend=-1, append=-1))
-    for first, last in pairwise(bounds.tolist()):
-        part = slice(int(paired.ends[first]), int(paired.ends[last]))
-        tree = paired.trees[int(targets[first])]
-        distance[part], index[part] = tree.query(moved[part], distance_upper_bound=gate)
-    found = np.flatnonzero(np.isfinite(distance))
-    index = index[found] + paired.offset[paired.pair[found]]
-    facing = _turned(turns[found], paired.normals[found])
-    agree = np.einsum("ij,ij->i", facing, paired.to_normals[index]) > _NORMAL_COSINE
-    found, index = found[agree], index[agree]
-    pair = paired.pair[found]
-    from_source, from_target = (_turns(poses[of, 2])[pair] for of in (sources, targets))
-    p = _turned(from_source, corrected[found])
-    to_modes, to_beams = paired.to_modes[index], paired.to_directions[index]
-    q = _turned(from_target, paired.to_points[index] + (to_modes @ errors)[:, None] * to_beams)
-    n = _turned(from_target, paired.to_normals[index])
-    apart = p + poses[sources, :2][pair] - q - poses[targets, :2][pair]
-    residual = np.einsum("ij,ij->i", n, apart)
-    by_source = np.einsum("ij,ij->i", n, _turned(from_source, paired.directions[found]))
-    by_target = np.einsum("ij,ij->i", n, _turned(from_target, to_beams))
-    rows = np.empty((len(index), 6 + len(errors)))
-    rows[:, 0:2], rows[:, 3:5] = n, -n
-    rows[:, 2] = n[:, 1] * p[:, 0] - n[:, 0] * p[:, 1]
-    rows[:, 5] = -(n[:, 1] * q[:, 0] - n[:, 0] * q[:, 1])
-    rows[:, 5] += n[:, 0] * apart[:, 1] - n[:, 1] * apart[:, 0]
-    rows[:, 6:] = by_source[:, None] * paired.modes[found] - by_target[:, None] * to_modes
-    weight = kernel_weight(residual, kernel)
-    weighted = rows * weight[:, None]
     system, gradient = np.zeros((size, size)), np.zeros(size)
-    ends = np.searchsorted(pair, np.arange(len(paired.pairs) + 1))
-    for k, (s, t) in enumerate(paired.pairs.tolist()):
-        part = slice(int(ends[k]), int(ends[k + 1]))
-        columns = np.concatenate([3 * s + _POSE, 3 * t + _POSE, own])
-        system[np.ix_(columns, columns)] += weighted[part].T @ rows[part]
-        gradient[columns] += weighted[part].T @ residual[part]
-    matched: Floats = np.zeros(len(poses))
-    np.add.at(matched, sources[pair], weight)
-    return _Sums(system, gradient, float(weight @ residual**2), float(weight.sum()), matched)
+    none = np.zeros(0)
+    residuals, weights, stops = [none], [none], [np.zeros(0, dtype=np.int64)]
+    for target in targets:  # one at a time: its points stay in the processor's cache
+        rows, residual, ends = _paired(target, poses, errors, gate)
+        weight = kernel_weight(residual, kernel)
+        weighted = rows * weight[:, None]
+        for source, (a, b) in zip(target.sources.tolist(), pairwise(ends.tolist()), strict=True):
+            at = np.concatenate(
+                [3 * source + _POSE, 3 * target.index + _POSE, np.arange(3 * len(poses), size)]
+            )
+            system[np.ix_(at, at)] += weighted[a:b].T @ rows[a:b]
+            gradient[at] += weighted[a:b].T @ residual[a:b]
+        residuals.append(residual)
+        weights.append(weight)
+        stops.append(np.repeat(target.sources, np.diff(ends)))
+    all_residuals, all_weights = np.concatenate(residuals), np.concatenate(weights)
+    matched = np.bincount(np.concatenate(stops), weights=all_weights, minlength=len(poses))
+    squared, total = float(all_weights @ all_residuals**2), float(all_weights.sum())
+    return _Sums(system, gradient, squared, total, np.asarray(matched, dtype=np.float64))
+
+
+def _paired(
+    target: _Target, poses: Floats, errors: Floats, gate: float
+) -> tuple[Floats, Floats, Ints]:
+    """Pair points with the nearest ones of a target.
+
+    Returns the derivatives (r, 6 + k) by the source's pose, the target's and the common errors, the
+    residuals (r,), and where those of each source begin and the last one's end (p + 1,).
+    """
+    from_sources, from_target = poses[target.sources], poses[target.index]
+    counts = np.diff(target.ends)
+    corrected = target.points + (target.modes @ errors) * target.directions
+    relative = compose(inverses(from_target[None]), from_sources).T
+    turns = np.repeat(_turns(relative[2]), counts, axis=1)
+    moved = _turned(turns, corrected) + np.repeat(relative[:2], counts, axis=1)
+    distance, index = target.tree.query(np.ascontiguousarray(moved.T), distance_upper_bound=gate)
+    found = np.flatnonzero(np.isfinite(distance))
+    index = index[found]
+    facing = _turned(turns[:, found], target.normals[:, found])
+    agree = _dot(facing, target.to_normals[:, index]) > _NORMAL_COSINE
+    found, index = found[agree], index[agree]
+    ends = np.searchsorted(found, target.ends)
+    counts = np.diff(ends)
+    turns, turn = np.repeat(_turns(from_sources[:, 2]), counts, axis=1), _turns(from_target[2:])
+    p = _turned(turns, corrected[:, found])
+    to_modes, to_beams = target.to_modes[index], target.to_directions[:, index]
+    q = _turned(turn, target.to_points[:, index] + (to_modes @ errors) * to_beams)
+    n = _turned(turn, target.to_normals[:, index])
+    apart = p + np.repeat(from_sources[:, :2].T, counts, axis=1) - q - from_target[:2, None]
+    by_source = _dot(n, _turned(turns, target.directions[:, found]))
+    by_target = _dot(n, _turned(turn, to_beams))
+    rows = np.empty((len(index), 6 + len(errors)))
+    rows[:, 0:2], rows[:, 3:5] = n.T, -n.T
+    rows[:, 2] = n[1] * p[0] - n[0] * p[1]
+    rows[:, 5] = -(n[1] * q[0] - n[0] * q[1]) + (n[0] * apart[1] - n[1] * apart[0])
+    rows[:, 6:] = by_source[:, None] * target.modes[found] - by_target[:, None] * to_modes
+    return rows, _dot(n, apart), ends
 
 
 def _turns(yaws: Floats) -> Floats:
-    """Return (n, 2): the cosines and sines of (n,) angles."""
-    return np.column_stack([np.cos(yaws), np.sin(yaws)])
+    """Return (2, n): the cosines and sines of (n,) angles."""
+    return np.stack([np.cos(yaws), np.sin(yaws)])
 
 
 def _turned(turns: Floats, vectors: Floats) -> Floats:
-    """Turn (n, 2) vectors, each by its own angle."""
-    c, s = turns.T
-    x, y = vectors.T
-    return np.column_stack([c * x - s * y, s * x + c * y])
+    """Turn (2, n) vectors, each by its own angle or all by one."""
+    (c, s), (x, y) = turns, vectors
+    return np.stack([c * x - s * y, s * x + c * y])
+
+
+def _dot(one: Floats, other: Floats) -> Floats:
+    """Return the products (n,) of (2, n) vectors."""
+    return np.asarray(one[0] * other[0] + one[1] * other[1])
 
 
 _POSE = np.arange(3)
