@@ -63,6 +63,7 @@ class DrawnScene:
     - ``has_labels``: whether views were labelled
     - ``flatness``: ``floor`` and ``top``, where heights over the image were drawn
     - ``told``: the current stage's text on its result
+    - ``outline``: (n, 2) metres in the map, of the top as it was fitted
     - ``found``: middle (2,) and reach, metres, of the surfaces that could have been the table
     """
 
@@ -90,6 +91,7 @@ class DrawnScene:
     colour_fits: bool = True
     best: int | None = None
     told: str = ""
+    outline: Floats | None = None
     found: tuple[tuple[float, float], float] | None = None
     stages: list[tuple[str, float | None]] = field(default_factory=list)
     reached: set[str] = field(default_factory=set)

@@ -11,7 +11,7 @@ from tablemap import palette
 from tablemap.geometry import Floats, Pose2
 from tablemap.model.shapes import shape_named
 from tablemap.review import colours, text
-from tablemap.review.clouds import raised
+from tablemap.review.clouds import closed, raised
 from tablemap.review.eyes import legs_eye
 from tablemap.review.room import Eye, Room
 from tablemap.review.stream import DrawnScene, Stream
@@ -51,6 +51,8 @@ def _log_names(stream: Stream, legs: Legs, height: float, eye: Eye) -> None:
     room = Room(eye)
     for leg in legs.legs:
         room.take_solid(leg_outline(leg), scene.floor_z, scene.height)
+    if scene.outline is not None and len(scene.outline):
+        room.take_line(closed(scene.outline, scene.height))
     drawn = [legs.evidence, *[leg.points for leg in legs.legs], *[one.points for one in rejected]]
     room.take_points(np.concatenate([raised(points, height) for points in drawn]), reach=DOT)
     feet = np.array([(leg.x, leg.y) for leg in legs.legs]).reshape(-1, 2)

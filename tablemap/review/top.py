@@ -99,6 +99,7 @@ class TopDrawing:
         """Log hull, candidates with their scores, and the chosen shape with its residuals."""
         scene = stream.scene
         scene.height, scene.shape = scene.floor_z + surface.height.value, surface.shape
+        scene.outline = surface.outline
         if len(surface.outline):
             scene.centre, scene.yaw = (surface.pose.x, surface.pose.y), surface.pose.yaw
             away = surface.outline - np.array(scene.centre)

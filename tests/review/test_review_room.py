@@ -101,7 +101,7 @@ def drawn(path: Path, below: tuple[str, ...]) -> np.ndarray:
     ("names", "view", "below", "size"),
     [
         ("/surface/chosen", "Edges by kind", ("/model/uncertainty", "/outline/edges/table"), SIZE),
-        ("/legs", "Legs", ("/legs/",), SIZE),
+        ("/legs", "Legs", ("/legs/", "/surface/candidates/rectangle"), SIZE),
         ("/legs/rejected", "Legs", ("/legs/",), SIZE),
         ("/segmentation/candidates/chosen", "Segmented", ("/segmentation/candidates/",), LOW),
         ("/registration/stops", "As registered", ("/registration/after", "/registration/st"), LOW),
