@@ -11,9 +11,9 @@ import PIL.Image
 import PIL.ImageDraw
 import shapely
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from tablemap.geometry import Floats
+from tablemap.masks import grown
 from tablemap.review.clouds import raised
 
 Size = tuple[int, int]
@@ -111,10 +111,9 @@ class Room:
         wide, high = self._taken.size
         is_in = ((places >= 0) & (places < (wide, high))).all(axis=1)
         columns, rows = places[is_in].astype(int).T
-        dots = np.zeros((high, wide), dtype=np.uint8)
-        dots[rows, columns] = 1
-        grown = ndimage.maximum_filter(dots, size=2 * reach + 1)
-        self._taken.paste(1, mask=PIL.Image.fromarray(255 * grown))
+        dots = np.zeros((high, wide), dtype=bool)
+        dots[rows, columns] = True
+        self._taken.paste(1, mask=PIL.Image.fromarray(grown(dots, 2 * reach + 1)))
 
     def names(
         self,
