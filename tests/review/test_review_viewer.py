@@ -38,7 +38,7 @@ MANIFEST = {
     "versions": {},
     "started": "2026-01-01T00:00:00+00:00",
 }
-DRAWN_SECONDS = 200
+DRAWN_SECONDS = 400
 DRIVERS = (Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
 PANEL = (slice(60, 500), slice(760, None))
 """Rows and columns of the selection panel in a window of 1000 by 700 pixels."""
