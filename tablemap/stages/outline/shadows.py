@@ -39,10 +39,6 @@ class Gaps:
         covered: Bools = self.reach <= baseline * self.parallax + _ROUNDING_PX
         return covered
 
-    def wide_gaps(self, baseline: float) -> int:
-        """Return how many whole gaps are clearly no mixed pixels and fit a baseline."""
-        return int((self.begins & self.within(baseline) & (self.reach > _WIDE_PX)).sum())
-
 
 @dataclass(frozen=True)
 class Shadow:
@@ -114,36 +110,41 @@ def find_shadow(views: list[tuple[Gaps, Gaps]], believed: float) -> Shadow | Non
     """
     if believed <= 0 or not views:
         return None
-    shown = [_baseline([gaps[side] for gaps in views]) for side in (0, 1)]
-    side = 0 if shown[0][1] >= shown[1][1] else 1
-    baseline, count = shown[side]
-    if count >= _LEAST_GAPS and count > _CLEAR * shown[1 - side][1]:
-        return Shadow(side, max(baseline, believed))
-    counts = [sum(gaps[side].wide_gaps(believed) for gaps in views) for side in (0, 1)]
-    side = 0 if counts[0] >= counts[1] else 1
-    if counts[side] < max(_LEAST_GAPS, 2 * counts[1 - side]):
-        return None
-    return Shadow(side, believed)
+    shown = [np.sort(_baselines([gaps[side] for gaps in views])) for side in (0, 1)]
+    best, shadow = 0.0, None
+    for low, high in ((_LIKE[0] * believed, _LIKE[1] * believed), (0.0, _WIDEST)):
+        modes = [_mode(each[(each > low) & (each < high)]) for each in shown]
+        side = 0 if modes[0][1] >= modes[1][1] else 1
+        baseline, count = modes[side]
+        margin = count - _CLEAR * modes[1 - side][1]
+        if count >= _LEAST_GAPS and margin > best:
+            best, shadow = margin, Shadow(side, max(baseline, believed))
+    return shadow
 
 
-def _baseline(views: list[Gaps]) -> tuple[float, int]:
-    """Return the baseline, metres, in which most whole gaps of one side agree, and their number."""
+def _baselines(views: list[Gaps]) -> Floats:
+    """Return the baselines, metres, that wide whole gaps of one side would have as shadows."""
     wide = [gaps.begins & (gaps.reach > _WIDE_PX) & (gaps.parallax > 0) for gaps in views]
-    shown = np.concatenate(
+    shown: Floats = np.concatenate(
         [gaps.reach[kept] / gaps.parallax[kept] for gaps, kept in zip(views, wide, strict=True)]
     )
-    possible = np.sort(np.log(shown[shown < _WIDEST]))
-    if len(possible) == 0:
+    return shown
+
+
+def _mode(shown: Floats) -> tuple[float, int]:
+    """Return the baseline in which most of the sorted baselines agree, and how many do."""
+    if len(shown) == 0:
         return 0.0, 0
-    ends = np.searchsorted(possible, possible + _ALIKE)
-    alike = ends - np.arange(len(possible))
+    ends = np.searchsorted(shown, shown * (1 + _ALIKE))
+    alike = ends - np.arange(len(shown))
     first = int(alike.argmax())
-    return float(np.exp(np.median(possible[first : ends[first]]))), int(alike[first])
+    return float(np.median(shown[first : ends[first]])), int(alike[first])
 
 
 _ROUNDING_PX = 2
 _WIDE_PX = 3
 _LEAST_GAPS = 20
 _WIDEST = 0.3  # metres between two eyes
-_ALIKE = 0.1  # baselines that differ by less than this, in their logarithm, are one
+_LIKE = 0.5, 1.3  # baselines that the images show of a stated one, as shares of it
+_ALIKE = 0.1  # baselines that differ by less than this share are one
 _CLEAR = 1.5  # times as many gaps that agree as on the other side

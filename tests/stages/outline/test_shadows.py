@@ -45,6 +45,16 @@ def test_most_gaps_agree_in_the_baseline(side: int, baseline: float) -> None:
     assert found.baseline == pytest.approx(max(baseline, 0.075), rel=0.05)
 
 
+def test_gaps_of_the_stated_baseline_win_over_a_larger_crowd() -> None:
+    """A dark rail makes as many gaps that nearly agree, twice as wide, on the other side."""
+    rng = np.random.default_rng(3)
+    rail = shadow(0.16, 300, rng)
+    views = [(side_of(shadow(0.072, 250, rng)), side_of(rail))]
+    found = find_shadow(views, 0.075)
+    assert found is not None
+    assert (found.side, found.baseline) == (0, 0.075)
+
+
 def test_holes_of_any_width_are_no_shadow() -> None:
     """Gaps that agree in nothing, as many on both sides, leave the side open."""
     rng = np.random.default_rng(1)
