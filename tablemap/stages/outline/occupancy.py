@@ -23,46 +23,21 @@ MARGIN_PX = 28
 
 
 @dataclass(frozen=True, eq=False)
-class Occupancy:
-    """A window of one view, cut round its top; all images are (rows, columns) of the window.
+class Classes:
+    """What the pixels of a view's window show, before shadows are known.
+
+    The window is cut round the top; all images are (rows, columns) of it.
 
     - ``origin``: the window's row and column in the image
     - ``depth``: metres, NaN where nothing was measured
     - ``height``: metres above the top's plane, NaN without depth
     - ``fall``: the height that a ray loses per metre of depth, negative
     - ``tau``: metres, the tolerance within which a pixel passes for top
-    - ``top``, ``below``, ``front``, ``missing``: what each pixel shows: the top, what is lower,
-      what is higher, nothing
-    - ``bridged``: pixels of sensor shadows, counted as below
-    - ``share``: smoothed share of top among what is known to be top or below, NaN where too little
-      is known
-    - ``smooth_top``: the smoothed top
+    - ``top``, ``below``, ``front``, ``known``: what each pixel shows: the top, what is lower, what
+      is higher; and whether it has depth
     - ``border``: left, top, right and bottom window coordinates of the outermost pixels with depth
     - ``normal``, ``offset``: the top's plane in the camera, as `ViewPlane.in_camera` gives it
-    """
-
-    origin: tuple[int, int]
-    depth: Floats32
-    height: Floats32
-    fall: Floats32
-    tau: Floats32
-    top: Bools
-    below: Bools
-    front: Bools
-    missing: Bools
-    bridged: Bools
-    share: Floats32
-    smooth_top: Floats32
-    border: tuple[float, float, float, float]
-    normal: Floats
-    offset: float
-
-
-@dataclass(frozen=True, eq=False)
-class Classes:
-    """What the pixels of a view's window show, before shadows are known; see `Occupancy`.
-
-    ``gaps`` are the missing pixels to the left and to the right of the top.
+    - ``gaps``: the missing pixels to the left and to the right of the top
     """
 
     origin: tuple[int, int]
@@ -78,6 +53,23 @@ class Classes:
     normal: Floats
     offset: float
     gaps: tuple[Gaps, Gaps]
+
+
+@dataclass(frozen=True, eq=False)
+class Occupancy(Classes):
+    """A view's window with its shadows, which are counted as below.
+
+    - ``missing``: pixels without depth that lie in no shadow
+    - ``bridged``: pixels in the sensor's shadow
+    - ``share``: smoothed share of top among what is known to be top or below, NaN where too little
+      is known
+    - ``smooth_top``: the smoothed top
+    """
+
+    missing: Bools
+    bridged: Bools
+    share: Floats32
+    smooth_top: Floats32
 
 
 def classify(
@@ -134,22 +126,13 @@ def occupancy(classes: Classes, shadow: Shadow | None, *, config: OutlineConfig)
     shape = classes.depth.shape
     bridged = np.zeros(shape, dtype=bool) if shadow is None else shadow.cast_on(classes.gaps, shape)
     smooth_top, share = _filled(classes.top, classes.below, bridged, ~classes.known, config)
+    seen = {**vars(classes), "below": classes.below | bridged}
     return Occupancy(
-        origin=classes.origin,
-        depth=classes.depth,
-        height=classes.height,
-        fall=classes.fall,
-        tau=classes.tau,
-        top=classes.top,
-        below=classes.below | bridged,
-        front=classes.front,
+        **seen,
         missing=~classes.known & ~bridged,
         bridged=bridged,
         share=share,
         smooth_top=smooth_top,
-        border=classes.border,
-        normal=classes.normal,
-        offset=classes.offset,
     )
 
 
