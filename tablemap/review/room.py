@@ -65,7 +65,7 @@ def _focal(size: Size) -> float:
 
 
 @dataclass(frozen=True)
-class Placed:
+class PlacedNames:
     """Where labels are clear.
 
     - ``places``: a place (3,) for each label
@@ -121,14 +121,14 @@ class Room:
         anchors: NDArray[np.floating],
         *,
         away: NDArray[np.floating],
-    ) -> Placed:
+    ) -> PlacedNames:
         """Place labels one after the other near their ``anchors`` (n, 3); see `place`.
 
         ``away`` (n, 2), or (2,) for all, is tried first. A label without text stays.
         """
         anchors = np.asarray(anchors, dtype=np.float64).reshape(-1, 3)
         directions = np.broadcast_to(away, (len(anchors), 2))
-        placed = Placed([], [])
+        placed = PlacedNames([], [])
         for text, anchor, direction in zip(texts, anchors, directions, strict=True):
             if not text or not np.isfinite(anchor).all():
                 placed.places.append(anchor)

@@ -168,7 +168,8 @@ def test_a_new_shape_is_drawn_with_its_lengths() -> None:
     logged: dict[str, Any] = {}
     outline = np.array(blob().surface.outline)
     stream = SimpleNamespace(
-        log=logged.__setitem__, names=lambda path, _, texts: logged.__setitem__(path, list(texts))
+        log=logged.__setitem__,
+        names=lambda path, _, texts, **__: logged.__setitem__(path, list(texts)),
     )
     log_dimensions(stream, blob(), outline, 0.74, Room(Eye((2.0, -2.0, 2.0), (0.3, -0.2, 0.7))))
     expected = ["reach 1.187 m ± 2.0 mm", "breadth 0.806 m ± 2.0 mm"]
