@@ -34,11 +34,6 @@ class Gaps:
     parallax: Floats
     begins: Bools
 
-    def within(self, baseline: float) -> Bools:
-        """Return which pixels (n,) a shadow with a baseline in metres would cover."""
-        covered: Bools = self.reach <= baseline * self.parallax + _ROUNDING_PX
-        return covered
-
 
 @dataclass(frozen=True)
 class Shadow:
@@ -51,7 +46,7 @@ class Shadow:
         """Return a mask of the image's pixels that lie in the shadow."""
         found = np.zeros(shape, dtype=bool)
         own = gaps[self.side]
-        covered = own.within(self.baseline)
+        covered = own.reach <= self.baseline * own.parallax + _ROUNDING_PX
         found[own.rows[covered], own.columns[covered]] = True
         return found
 

@@ -14,6 +14,7 @@ from tablemap.geometry import Bools, Floats
 from tablemap.masks import crowded, opened, shrunk
 from tablemap.robust import geman_mcclure, tukey
 from tablemap.stages.segmentation.result import TableCandidate
+from tablemap.stages.segmentation.surfaces import convex
 from tablemap.stages.segmentation.views import LEAST_UPWARD, SampledView, inside, tolerance
 
 BIN_M = 0.002
@@ -209,7 +210,7 @@ def _shows_both(shares: Floats, low: int, high: int) -> bool:
     smaller = np.minimum(lower, upper)
     gap = shares[:, low : high + 1].min(axis=1)
     both = (smaller > _LEAST_SHARE * np.maximum(lower, upper)) & (gap < _GAP_SHARE * smaller)
-    return int(both.sum()) >= max(2, len(shares) / 2)
+    return int(both.sum()) >= max(_LEAST_VIEWS, len(shares) / 2)
 
 
 def _is_round(seen: list[tuple[SampledView, Bools]], low: float, high: float) -> bool:
@@ -219,12 +220,15 @@ def _is_round(seen: list[tuple[SampledView, Bools]], low: float, high: float) ->
     """
     extents = []
     for height in (low, high):
-        places = [np.empty((0, 2))]
+        places = []
         for view, near in seen:
             level = _at(view, near, height)
-            points = view.points[level][:: max(1, int(level.sum()) // 500), :2]
-            places.append(view.snapshot.map_from_base.apply(points.astype(np.float64)))
-        extents.append(shapely.MultiPoint(np.concatenate(places)).convex_hull)
+            few = view.points[level][:: max(1, int(level.sum()) // 500), :2]
+            places.append(view.snapshot.map_from_base.apply(few.astype(np.float64)))
+        points = np.concatenate(places)
+        if not len(points):
+            return False
+        extents.append(convex(points))
     lower, upper = extents
     return bool(lower.buffer(_ROUND_M).intersection(upper).area > _ROUND_SHARE * upper.area)
 

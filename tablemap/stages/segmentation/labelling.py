@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
 
@@ -12,6 +11,7 @@ from tablemap.geometry import Bools, Floats, Ints
 from tablemap.masks import crowded, grown, shrunk
 from tablemap.stages.segmentation.height import Plane, region
 from tablemap.stages.segmentation.result import Label, TableCandidate, ViewSegmentation
+from tablemap.stages.segmentation.surfaces import convex
 from tablemap.stages.segmentation.views import (
     LEAST_UPWARD,
     SampledView,
@@ -199,8 +199,7 @@ def _standing(
     thinned = view.points[top][:: max(1, int(top.sum()) // 4000), :2].astype(np.float64)
     if len(thinned) < 3:
         return np.zeros_like(top)
-    # Of a line through the points: many points are many objects.
-    hull = shapely.convex_hull(shapely.linestrings(thinned))
+    hull = convex(thinned)
     if hull.geom_type != "Polygon":
         return np.zeros_like(top)
     within_hull = inside(hull.buffer(RIM_M, quad_segs=2), view.points, over)
