@@ -18,7 +18,8 @@ from tablemap.review.matrix import log_matrix, tints, told
 from tablemap.review.motion import log_correction, log_trajectory
 from tablemap.review.pairs import Pairs
 from tablemap.review.room import LOW, Room
-from tablemap.review.stream import FEW_STOPS, Stream
+from tablemap.review.scene import FEW_STOPS
+from tablemap.review.stream import Stream
 from tablemap.stages.registration import Pair, Registration, StopScan
 
 WORST_PAIRS = 12  # that are always shown
@@ -173,8 +174,7 @@ def _log_names(
     for line in (*cameras, *lines):
         room.take_line(line, width=5)
     centre = np.array(scene.centre or tips[:, :2].mean(axis=0))
-    shown = labels if is_few else [""] * len(labels)
-    placed = room.names(shown, tips, away=tips[:, :2] - centre)
+    placed = room.names(labels, tips, away=tips[:, :2] - centre, shown=is_few)
     stream.names(f"{path}/names", placed.places, labels, shown=is_few, leaders=placed.leaders)
 
 

@@ -10,7 +10,7 @@ from tablemap.review import tabs
 from tablemap.review.eyes import Overrides, overview_eye, seen_from
 from tablemap.review.legend import with_legend
 from tablemap.review.panes import Contents, beside, best_image, image, text
-from tablemap.review.stream import FEW_STOPS, DrawnScene
+from tablemap.review.scene import FEW_STOPS, DrawnScene
 
 
 def blueprint(scene: DrawnScene) -> rrb.Blueprint:

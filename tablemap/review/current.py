@@ -14,7 +14,8 @@ from tablemap.review import colours
 from tablemap.review.clouds import raised
 from tablemap.review.eyes import overview_eye
 from tablemap.review.room import Eye
-from tablemap.review.stream import DrawnScene, Stream
+from tablemap.review.scene import DrawnScene
+from tablemap.review.stream import Stream
 from tablemap.stages.registration import Registration
 
 DEPTH_SHARE = 0.28  # of the table's reach

@@ -15,7 +15,7 @@ from tablemap.geometry import Floats, transform
 from tablemap.review.clouds import raised
 from tablemap.review.pairs import FRAME
 from tablemap.review.room import LOW, Eye, Size
-from tablemap.review.stream import DrawnScene
+from tablemap.review.scene import DrawnScene
 
 ROUND = 2.3
 """Distance of the eye, in sizes of the scene, for a view of the stops round the table."""

@@ -14,8 +14,9 @@ from tablemap.review.current import camera_of_stop, current_camera, name_of
 from tablemap.review.eyes import overview_eye
 from tablemap.review.motion import TRAJECTORY_HEIGHT
 from tablemap.review.room import Room
+from tablemap.review.scene import FEW_STOPS
 from tablemap.review.solid import take_model
-from tablemap.review.stream import FEW_STOPS, Stream
+from tablemap.review.stream import Stream
 from tablemap.review.tables import entity
 from tablemap.review.top import TOUCHES
 from tablemap.stages.odometry import Trajectory

@@ -8,7 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from tablemap import palette
-from tablemap.review.stream import DrawnScene
+from tablemap.review.scene import DrawnScene
 
 PLOT = rrb.archetypes.PlotBackground(color=palette.BACKGROUND)
 QUIET_LEGEND = rrb.PlotLegend(visible=False)

@@ -15,7 +15,8 @@ from tablemap.review import colours, text
 from tablemap.review.clouds import closed, middles, raised, thinned
 from tablemap.review.eyes import views_eye
 from tablemap.review.room import LOW, Room
-from tablemap.review.stream import DrawnScene, Stream
+from tablemap.review.scene import DrawnScene
+from tablemap.review.stream import Stream
 from tablemap.stages.calibration import Calibration
 from tablemap.stages.registration import StopScan
 from tablemap.stages.segmentation import (
@@ -114,8 +115,7 @@ class Perception:
             texts = _short(named, whole=_labels(named, among=self._found), among=self._found)
             middle = middles([closed(one.hull, floor + one.height) for one in named.values()])
             towards = np.subtract(room.eye.position, room.eye.target)[:2]
-            shown = texts if is_shown else [""] * len(texts)
-            placed = room.names(shown, middle.astype(np.float64), away=towards)
+            placed = room.names(texts, middle, away=towards, shown=is_shown)
             stream.names(
                 f"segmentation/candidates/{name}/names",
                 np.array(placed.places).reshape(-1, 3),

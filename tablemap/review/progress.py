@@ -7,7 +7,8 @@ import rerun as rr
 from tablemap import palette
 from tablemap.errors import ProcessWarning
 from tablemap.events import RunFailed, StageFinished, StageStarted
-from tablemap.review import story, text
+from tablemap.review import story
+from tablemap.review.markdown import table
 from tablemap.review.stream import Stream
 
 BAR_WIDTH = 400.0
@@ -41,8 +42,8 @@ def log_finished(stream: Stream, finished: StageFinished) -> None:
         stream.hold_in_drive()
         stream.text("summary", story.still_going(finished.name, told))
         stream.hold()
-    totals = text.totals(stages)
-    stream.text("timing/summary", text.timings(stages))
+    totals = _totals(stages)
+    stream.text("timing/summary", _timings(stages))
     _log_bars(stream, [(name, seconds) for name, seconds, _ in totals if seconds is not None])
     stream.flush()
 
@@ -94,3 +95,23 @@ def log_warning(stream: Stream, warning: ProcessWarning, *, about: str = "") -> 
         stream.at(warning.stamp_ns, snapshot=stream.scene.snapshot_at(warning.stamp_ns))
     message = f"{about}{warning.stage}: {warning.message} ({warning.code})"
     stream.say(message, level="WARN" if warning.code.startswith("accuracy.") else "INFO")
+
+
+def _totals(stages: list[tuple[str, float | None]]) -> list[tuple[str, float | None, int]]:
+    """Return each stage's name, seconds and number of runs: with many tables some run often."""
+    names = dict.fromkeys(name for name, _ in stages)
+    ended = {name: [s for one, s in stages if one == name and s is not None] for name in names}
+    return [(name, sum(ended[name]) if ended[name] else None, len(ended[name])) for name in names]
+
+
+def _timings(stages: list[tuple[str, float | None]]) -> str:
+    """Return how long each stage took, and how often it ran where that was more than once."""
+    rows = [
+        (
+            name if times == 1 else f"{name}, {times} times",
+            "not ended" if seconds is None else f"{seconds:.2f} s",
+        )
+        for name, seconds, times in _totals(stages)
+    ]
+    total = sum(seconds for _, seconds in stages if seconds is not None)
+    return "\n".join([f"## {total:.1f} s", table(("stage", "time"), rows)])

@@ -121,16 +121,18 @@ class Room:
         anchors: NDArray[np.floating],
         *,
         away: NDArray[np.floating],
+        shown: bool = True,
     ) -> PlacedNames:
         """Place labels one after the other near their ``anchors`` (n, 3); see `place`.
 
-        ``away`` (n, 2), or (2,) for all, is tried first. A label without text stays.
+        ``away`` (n, 2), or (2,) for all, is tried first. A label without text, or that is not
+        ``shown``, stays.
         """
         anchors = np.asarray(anchors, dtype=np.float64).reshape(-1, 3)
         directions = np.broadcast_to(away, (len(anchors), 2))
         placed = PlacedNames([], [])
         for text, anchor, direction in zip(texts, anchors, directions, strict=True):
-            if not text or not np.isfinite(anchor).all():
+            if not (shown and text) or not np.isfinite(anchor).all():
                 placed.places.append(anchor)
                 continue
             place = self.place(text, anchor, away=direction)

@@ -18,7 +18,8 @@ from tablemap.review.clouds import raised
 from tablemap.review.dimensions import log_dimensions
 from tablemap.review.eyes import overview_eye
 from tablemap.review.room import Eye, Room
-from tablemap.review.stream import DrawnScene, Stream
+from tablemap.review.scene import DrawnScene
+from tablemap.review.stream import Stream
 from tablemap.review.supports import LEG_WITHOUT_SIZE, section
 
 DRAWN_THICKNESS = 0.03

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import bisect
 import ctypes
 import shutil
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +15,14 @@ import numpy.typing as npt
 import rerun as rr
 import rerun.blueprint as rrb
 import rerun_bindings
-from numpy.typing import NDArray
 
 from tablemap import palette
 from tablemap.config import ReviewConfig
 from tablemap.errors import TablemapError
-from tablemap.geometry import Floats, Ints, Pose2
-from tablemap.recording import FrameNames, Recording
+from tablemap.geometry import Floats, Ints
+from tablemap.recording import Recording
+from tablemap.review.scene import DrawnScene
 from tablemap.review.schema import SCHEMA, described
-from tablemap.stages.odometry import Trajectory
 
 APPLICATION = "tablemap"
 FLUSH_SECONDS = 1.0
@@ -35,74 +32,8 @@ STUCK_SECONDS = 20.0
 LEAST_FREE_BYTES = 64 * 1024
 HEAVY = (rr.Points3D, rr.EncodedDepthImage, rr.EncodedImage, rr.SegmentationImage)
 HEAVY_BETWEEN_FLUSHES = 10
-FEW_STOPS = 15
-"""Up to this number, stops are drawn large and with their numbers."""
-
 _abandoned: list[rr.RecordingStream] = []
 """Streams whose files could not be completed; see `Stream`."""
-
-
-@dataclass
-class DrawnScene:
-    """Facts from earlier results that later drawings need; small, whatever the recording's length.
-
-    - ``stamps_ns``, ``localised``: stamps and localised poses of the snapshots, by index
-    - ``cameras``: poses (4, 4) in the base; tip and corners (5, 3) of the view, 1 m deep
-    - ``tops``, ``clutter``: their thinned points (n, 3), x and y in the base, z in the map
-    - ``floor_z``, ``height``, ``laser_height``: z in the map of floor, top and laser, metres
-    - ``centre``, ``extent``, ``yaw``: the table's place (2,), size in metres and heading, if known
-    - ``stages``: names and seconds, None for the running stage
-    - ``tables``: scenes of the tables beside the chosen one
-    - ``pairs_reach``: metres, size of the grid of aligned pairs
-    - ``pair_eye``: position and target (3,) of the view of a single pair
-    - ``best``: the snapshot that shows most of the table
-    - ``colour_fits``: whether colour images match the depth images pixel by pixel
-    - ``is_modelled``: whether the chosen table's model is there
-    - ``localised_way``: the drive as localised
-    - ``has_laser``: whether odometry drew scans
-    - ``has_labels``: whether views were labelled
-    - ``flatness``: ``floor`` and ``top``, where heights over the image were drawn
-    - ``told``: the current stage's text on its result
-    - ``outline``: (n, 2) metres in the map, of the top as it was fitted
-    - ``found``: middle (2,) and reach, metres, of the surfaces that could have been the table
-    """
-
-    names: FrameNames | None = None
-    recording: Recording | None = None
-    start_ns: int = 0
-    stamps_ns: list[int] = field(default_factory=list)
-    localised: list[Pose2] = field(default_factory=list)
-    cameras: list[tuple[Floats, Floats]] = field(default_factory=list)
-    tops: dict[int, NDArray[np.float32]] = field(default_factory=dict)
-    clutter: dict[int, NDArray[np.float32]] = field(default_factory=dict)
-    laser_height: float = 0.1
-    floor_z: float = 0.0
-    height: float = 0.0
-    centre: tuple[float, float] | None = None
-    extent: float = 1.0
-    yaw: float = 0.0
-    shape: str = ""
-    localised_way: Trajectory | None = None
-    is_modelled: bool = False
-    has_laser: bool = False
-    has_labels: bool = False
-    flatness: set[str] = field(default_factory=set)
-    has_colour: bool = False
-    colour_fits: bool = True
-    best: int | None = None
-    told: str = ""
-    outline: Floats | None = None
-    found: tuple[tuple[float, float], float] | None = None
-    stages: list[tuple[str, float | None]] = field(default_factory=list)
-    reached: set[str] = field(default_factory=set)
-    failed: bool = False
-    tables: dict[int, DrawnScene] = field(default_factory=dict)
-    pairs_reach: float | None = None
-    pair_eye: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
-
-    def snapshot_at(self, stamp_ns: int) -> int:
-        """Return the number of the last snapshot taken by then; before the first, the first."""
-        return max(bisect.bisect_right(self.stamps_ns, stamp_ns) - 1, 0)
 
 
 def _of_names(texts: Sequence[str], *, shown: bool) -> dict[str, Any]:

@@ -14,7 +14,8 @@ from tablemap.review import colours, text
 from tablemap.review.clouds import closed, raised
 from tablemap.review.eyes import legs_eye
 from tablemap.review.room import Eye, Room
-from tablemap.review.stream import DrawnScene, Stream
+from tablemap.review.scene import DrawnScene
+from tablemap.review.stream import Stream
 from tablemap.stages.legs import Leg, Legs, RejectedCluster
 
 MOST_LETTERS = 12
@@ -68,9 +69,7 @@ def _log_names(stream: Stream, legs: Legs, height: float, eye: Eye) -> None:
         ),
     ):
         if texts:
-            placed = room.names(
-                texts if shown else [""] * len(texts), raised(ends, height), away=ends - centre
-            )
+            placed = room.names(texts, raised(ends, height), away=ends - centre, shown=shown)
             stream.names(f"legs/{path}", placed.places, texts, shown=shown, leaders=placed.leaders)
 
 

@@ -13,8 +13,9 @@ from tablemap.geometry import Pose2
 from tablemap.review import story
 from tablemap.review.crosscheck import log_cross_check
 from tablemap.review.eyes import table_eye
+from tablemap.review.scene import DrawnScene
 from tablemap.review.solid import log_model
-from tablemap.review.stream import DrawnScene, Stream
+from tablemap.review.stream import Stream
 from tablemap.review.supports import log_legs
 from tablemap.review.top import TopDrawing
 from tablemap.stages.crosscheck import CrossCheck

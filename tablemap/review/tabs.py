@@ -18,7 +18,7 @@ from tablemap.review.eyes import (
 from tablemap.review.legend import with_legend
 from tablemap.review.matrix import bounds
 from tablemap.review.panes import PLOT, Contents, beside, flat, image, image_of_table, plot, text
-from tablemap.review.stream import FEW_STOPS, DrawnScene
+from tablemap.review.scene import FEW_STOPS, DrawnScene
 
 
 def views(scene: DrawnScene) -> rrb.Container:

@@ -9,7 +9,8 @@ from tablemap import palette
 from tablemap.geometry import Pose2
 from tablemap.review import colours
 from tablemap.review.clouds import closed, middles, raised
-from tablemap.review.stream import FEW_STOPS, Stream
+from tablemap.review.scene import FEW_STOPS
+from tablemap.review.stream import Stream
 from tablemap.stages.outline import EdgeKind, Outline
 from tablemap.stages.segmentation import Segmentation
 from tablemap.stages.snapshots import Snapshots

@@ -386,23 +386,3 @@ def letter(number: int) -> str:
     """Return a cluster's letters, as a spreadsheet's columns have them: a to z, aa, ab."""
     more, last = divmod(number, len(ascii_lowercase))
     return (letter(more - 1) if more else "") + ascii_lowercase[last]
-
-
-def totals(stages: list[tuple[str, float | None]]) -> list[tuple[str, float | None, int]]:
-    """Return each stage's name, seconds and number of runs: with many tables some run often."""
-    names = dict.fromkeys(name for name, _ in stages)
-    ended = {name: [s for one, s in stages if one == name and s is not None] for name in names}
-    return [(name, sum(ended[name]) if ended[name] else None, len(ended[name])) for name in names]
-
-
-def timings(stages: list[tuple[str, float | None]]) -> str:
-    """Return how long each stage took, and how often it ran where that was more than once."""
-    rows = [
-        (
-            name if times == 1 else f"{name}, {times} times",
-            "not ended" if seconds is None else f"{seconds:.2f} s",
-        )
-        for name, seconds, times in totals(stages)
-    ]
-    total = sum(seconds for _, seconds in stages if seconds is not None)
-    return "\n".join([f"## {total:.1f} s", table(("stage", "time"), rows)])

@@ -176,9 +176,10 @@ class TopDrawing:
         middles = raised(np.array([edge.points.mean(axis=0) for edge in surface.edges]), height)
         shown = len(labels) <= MOST_CORNERS
         placed = room.names(
-            labels if shown else [""] * len(labels),
+            labels,
             middles,
             away=middles[:, :2] - np.array(scene.centre or (0.0, 0.0)),
+            shown=shown,
         )
         stream.names(
             "surface/chosen/names", placed.places, labels, shown=shown, leaders=placed.leaders

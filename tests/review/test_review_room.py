@@ -17,8 +17,8 @@ from tablemap.review.current import MOST_PX
 from tablemap.review.eyes import overview_eye
 from tablemap.review.naming import Naming
 from tablemap.review.room import ENDS, HIGH, LABEL_DROP, LETTER, LOW, SIZE, Eye, Room
+from tablemap.review.scene import DrawnScene
 from tablemap.review.solid import DRAWN_THICKNESS
-from tablemap.review.stream import DrawnScene
 from tests.making import made_up_run as made_up
 from tests.making.reviews import columns, eye_of, eye_of_first_view, write
 
