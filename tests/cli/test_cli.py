@@ -178,28 +178,35 @@ def test_an_unknown_scenario_is_one_sentence(tmp_path: Path) -> None:
     assert len(done.stderr.strip().splitlines()) == 1
 
 
+def interrupted(folder: Path, number: signal.Signals, *arguments: str) -> tuple[int, str]:
+    """Send a signal once the demo's review is begun; the exit code, and what was printed."""
+    running = subprocess.Popen(
+        [*TABLEMAP, "process", *arguments, "-o", "runs"],
+        cwd=folder,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    deadline = time.monotonic() + 120
+    while not list(folder.glob("runs/demo/*/run.rrd")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    time.sleep(0.5)
+    running.send_signal(number)
+    _, errors = running.communicate(timeout=120)
+    return running.returncode, errors
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are POSIX's")
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_an_interrupted_run_says_so(
     number: signal.Signals, code: int, demo_recording: Path, tmp_path: Path
 ) -> None:
     """The folder keeps its review, has no model, and is marked."""
-    running = subprocess.Popen(
-        [*TABLEMAP, "process", str(demo_recording), "-o", str(tmp_path)],
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    deadline = time.monotonic() + 120
-    while not list(tmp_path.glob("demo/*/run.rrd")) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    time.sleep(0.5)
-    running.send_signal(number)
-    _, errors = running.communicate(timeout=120)
-    assert running.returncode == code, errors
+    ended, errors = interrupted(tmp_path, number, str(demo_recording))
+    assert ended == code, errors
     assert "Traceback" not in errors
     (said,) = [line for line in errors.splitlines() if line.startswith("open it")]
     assert "tablemap view" in said
-    (folder,) = (path for path in (tmp_path / "demo").iterdir() if path.name != "latest")
+    (folder,) = (path for path in (tmp_path / "runs" / "demo").iterdir() if path.name != "latest")
     assert json.loads((folder / "manifest.json").read_text())["status"] == "interrupted"
     assert (folder / "run.rrd").stat().st_size > 0
     assert "interrupted during" in (folder / "report.html").read_text(encoding="utf-8")
@@ -215,19 +222,10 @@ def test_an_interruption_of_several_says_what_each_left(
     """The folders of all that were begun, how they ended, and the command that opens one."""
     (tmp_path / "text.mcap").write_text("no recording")
     (tmp_path / "runs" / "demo" / "20200101T000000-00000000").mkdir(parents=True)
-    running = subprocess.Popen(
-        [*TABLEMAP, "process", "text.mcap", str(demo_recording), "-o", "runs", "--jobs", jobs],
-        cwd=tmp_path,
-        stderr=subprocess.PIPE,
-        text=True,
+    code, errors = interrupted(
+        tmp_path, signal.SIGINT, "text.mcap", str(demo_recording), "--jobs", jobs
     )
-    deadline = time.monotonic() + 120
-    while not list(tmp_path.glob("runs/demo/*/run.rrd")) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    time.sleep(0.5)
-    running.send_signal(signal.SIGINT)
-    _, errors = running.communicate(timeout=120)
-    assert running.returncode == 130, errors
+    assert code == 130, errors
     assert "Traceback" not in errors
     *_, first, second, last = errors.strip().splitlines()
     assert re.fullmatch(r"failed +\S*runs/text/[-\w]+", first)

@@ -19,13 +19,12 @@ from numpy.typing import NDArray
 from rerun.experimental import ViewerClient
 
 from tablemap.archive.manifest import Manifest
-from tablemap.config import ReviewConfig
 from tablemap.errors import ExternalToolError, TablemapError
-from tablemap.review import Reviewer
 from tablemap.review.page.page import Page
 from tablemap.review.viewer import viewer
 from tablemap.review.viewer.still import TABS, _headless, _shoot, _show_tab, still
 from tests.making import made_up_run as made_up
+from tests.making.reviews import write
 
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 MANIFEST = {
@@ -108,10 +107,7 @@ def test_a_tab_is_shown_and_no_pane_of_its_name() -> None:
 @needs_vulkan
 def test_every_tab_shows_something(tmp_path: Path) -> None:
     """In the real viewer no view reports an error, and no tab is empty."""
-    path = tmp_path / "run.rrd"
-    with Reviewer(path, run_id="tabs", recording_name="made up", config=ReviewConfig()) as record:
-        for one in made_up.results():
-            record(one)
+    path = write(tmp_path / "run.rrd", list(made_up.results()))
     with pytest.raises(TablemapError, match="Overview"):
         still(path, tmp_path / "none.png", tab="Nonsense")
     for tab in (*TABS, "Tables"):
@@ -125,10 +121,7 @@ def test_every_tab_shows_something(tmp_path: Path) -> None:
 @needs_vulkan
 def test_a_link_of_a_text_pane_selects_its_entity(tmp_path: Path) -> None:
     """What a click on one opens: the selection panel then has the entity, each link its own."""
-    path = tmp_path / "run.rrd"
-    with Reviewer(path, run_id="links", recording_name="made up", config=ReviewConfig()) as record:
-        for one in made_up.results():
-            record(one)
+    path = write(tmp_path / "run.rrd", list(made_up.results()))
     with _headless(path, (1000, 700)) as client:
         client.run_command("ui.expand_selection_panel")
         before = panel(client)
@@ -175,10 +168,7 @@ def test_the_page_is_drawn_by_a_browser_without_a_network(tmp_path: Path) -> Non
 @pytest.mark.parametrize("theme", ["dark", "light"])
 def test_the_web_view_is_drawn_by_a_browser(theme: str, tmp_path: Path) -> None:
     """The viewer's page draws the run in both themes; it reaches no other machine."""
-    path = tmp_path / "run.rrd"
-    with Reviewer(path, run_id="web", recording_name="made up", config=ReviewConfig()) as record:
-        for one in made_up.results():
-            record(one)
+    path = write(tmp_path / "run.rrd", list(made_up.results()))
     with viewer.served(path) as (url, _), browser(theme) as (shown, _):
         shown.goto(url)
         picture = drawn(shown)
