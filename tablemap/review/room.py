@@ -173,15 +173,34 @@ class Room:
         half = np.array([LETTER * len(text) + ENDS, HIGH]) / 2
         middle = seen + np.array([0.0, LABEL_DROP])
         sides = np.clip(pixel, middle - half, middle + half)
-        hidden = self._count(middle - half, middle + half) + CROSSED * self._crossed(pixel, sides)
+        hidden = self._count(middle - half, middle + half)
         moved = np.linalg.norm(middle - middle[0, 0], axis=-1)
         moved = moved * (1 + TURN_COST * (1 - np.cos(turns)))
-        best = np.unravel_index(np.lexsort((moved.ravel(), hidden.ravel()))[0], moved.shape)
+        flat = self._clearest(pixel, sides.reshape(-1, 2), hidden.ravel(), moved.ravel())
+        best = np.unravel_index(flat, moved.shape)
         if keeps:
             low, high = middle[best] - half, middle[best] + half
             self._draw.rectangle((*low, *high), fill=1)
             self._labels.append((low, high))
         return np.asarray(places[best])
+
+    def _clearest(
+        self, anchor: Floats, ends: Floats, hidden: NDArray[np.int64], moved: Floats
+    ) -> int:
+        """Return which place hides least, and is moved least of those.
+
+        The leaders from an anchor (2,) to the ``ends`` (n, 2) count, and ``hidden`` (n,) pixels.
+        """
+        free = np.flatnonzero(hidden == hidden.min())
+        free = free[np.argsort(moved[free], kind="stable")]
+        # Mostly one of the nearest crosses nothing; then no other can be better.
+        for first in range(0, len(free), DIRECTIONS):
+            some = free[first : first + DIRECTIONS]
+            clear = self._crossed(anchor, ends[some]) == 0
+            if clear.any():
+                return int(some[np.argmax(clear)])
+        hidden = hidden + CROSSED * self._crossed(anchor, ends)
+        return int(np.lexsort((moved, hidden))[0])
 
     def _crossed(self, anchor: Floats, ends: Floats) -> NDArray[np.int64]:
         """Return how many labels a leader from an anchor (2,) to each of (..., 2) would cross."""
