@@ -26,6 +26,7 @@ _SOURCE_POINTS = 400
 _NORMAL_COSINE = 0.9
 _LOOSE = 1e-2  # information that keeps the whole in place: the polish is about relative poses
 _LEAST_SIGMA = 5e-4
+_SETTLED_SHARE = 0.01  # of a gate but the last
 
 
 _HARMONICS = 3  # of the beam's angle: the errors that change with it are smooth
@@ -90,14 +91,15 @@ def polish(
     kernel: float,
     correlation: float,
     ranges: RangePrior,
-    settled: float = 1e-6,
+    settled: float = 1e-5,
 ) -> Polished:
     """Refine all poses (n, 3) by one Gauss-Newton over the points of all pairs, both ways.
 
     The ``edges`` (odometry) bind directions that the scans leave open; ``stops`` without a scan are
     None. The points are paired within each of the ``gates`` in turn, metres, and weighed by a
     Geman-McClure kernel of at least ``kernel`` metres. ``ranges`` is the prior of the errors that
-    all ranges share. The iteration at a gate ends with a step below ``settled`` (metres, radians).
+    all ranges share. The iteration at the last gate ends with a step of the poses below ``settled``
+    (metres, radians), and at the wider ones with a step that changes hardly a pair of points.
     The covariance counts each beam once, however many pairs use it, and ``correlation`` beams as
     one.
     """
@@ -118,6 +120,7 @@ def polish(
     effective = repeats * max(correlation / float(thinning), 1.0)
     for gate in gates:
         width = max(kernel, gate / 5)
+        small = settled if gate == gates[-1] else max(settled, _SETTLED_SHARE * gate)
         for _ in range(_ITERATIONS_A_GATE):
             sums = _correspond(targets, poses, errors, gate, width)
             sigma = max(float(np.sqrt(sums.squared / max(sums.weight, 1e-9))), _LEAST_SIGMA)
@@ -128,7 +131,7 @@ def polish(
             poses += step[:last].reshape(-1, 3)
             poses[:, 2] = wrap_angles(poses[:, 2])
             errors = errors + step[last:]
-            if np.abs(step).max() < settled:
+            if np.abs(step[:last]).max() < small:
                 break
     system = sums.system / (sigma**2 * effective)
     _add_priors(system, np.zeros(size), poses, errors, edges, prior)
