@@ -389,7 +389,12 @@ def _corrected(
     depth = snapshot.depth * adjustment.field.multiplier(snapshot.camera, snapshot.depth)
     if abs(common.offset) > _LEAST_OFFSET:
         depth = depth + np.float32(common.offset)
-    return replace(snapshot, base_from_camera=mount, depth=depth.astype(np.float32))
+    return replace(
+        snapshot,
+        base_from_camera=mount,
+        depth=depth.astype(np.float32),
+        recorded_noise=snapshot.noise,
+    )
 
 
 _LEAST_OFFSET = 1e-5

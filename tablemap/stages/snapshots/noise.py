@@ -32,7 +32,7 @@ class DepthNoise:
 
     def sigma(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the standard deviation (...) of depths (...) of the image, NaN where missing."""
-        per_pixel: NDArray[np.float32] = self.sigmas[_slabs(depth)].astype(np.float32)
+        per_pixel: NDArray[np.float32] = self.sigmas.take(_slabs(depth), mode="clip")
         per_pixel[~np.isfinite(depth)] = np.nan
         return per_pixel
 

@@ -71,6 +71,7 @@ class Snapshot:
     - ``base_z``: metres, the height of the base's origin in the fixed frame
     - ``localised_sigma``: (3,) standard deviations of ``map_from_base`` as recorded, x and y in
       metres, yaw in radians; None if the localisation recorded none
+    - ``recorded_noise``: of the depth before it was corrected; None if it was not
     """
 
     index: int
@@ -87,11 +88,12 @@ class Snapshot:
     colour_message: Image | CompressedImage | None
     base_z: float = 0.0
     localised_sigma: Floats | None = None
+    recorded_noise: DepthNoise | None = None
 
     @cached_property
     def noise(self) -> DepthNoise:
-        """The noise of the depth image."""
-        return depth_noise(self.depth)
+        """The noise of the depth image: as recorded, for a correction hardly changes it."""
+        return self.recorded_noise or depth_noise(self.depth)
 
     def points_in_base(self) -> Floats:
         """Return (height, width, 3) float64 points in the base, NaN where depth is missing."""
