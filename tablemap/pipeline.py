@@ -24,6 +24,7 @@ from tablemap.stages.odometry import Odometry, Trajectory, estimate_odometry
 from tablemap.stages.outline import Outline, find_edges
 from tablemap.stages.registration import register
 from tablemap.stages.segmentation import (
+    STRIDE_PX,
     Segmentation,
     TableCandidate,
     choose_next,
@@ -107,13 +108,14 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
         record(segmentation)
         return adjusted, segmentation
 
-    # Which of the horizontal surfaces is the table, and which pixels show it.
+    # Which of the horizontal surfaces is the table; roughly first, then which pixels show it.
     with stage("segmentation"):
         rough = segment(
             calibration.snapshots,
             config=config.segmentation,
             sensors=sensors,
             near=near,
+            stride=STRIDE_PX,
             record=record,
         )
         adjusted, segmentation = settle(rough)

@@ -1,6 +1,6 @@
 """The choice of the table, and labels of all pixels: floor, top, things on it, the rest."""
 
-from tablemap.stages.segmentation.candidates import find_tables
+from tablemap.stages.segmentation.candidates import STRIDE_PX, find_tables
 from tablemap.stages.segmentation.result import (
     Label,
     Segmentation,
@@ -18,6 +18,7 @@ from tablemap.stages.segmentation.stage import (
 )
 
 __all__ = [
+    "STRIDE_PX",
     "Label",
     "Segmentation",
     "TableCandidate",

@@ -32,14 +32,16 @@ _LEVEL_SHARE = 0.2
 # if clutter connects it to the top, and if there is only missing depth between.
 BRIDGED_SHARE, NEAR_SHARE = 0.3, 0.5
 GAP_STEP_PX = 2
+_LEAST_PIXELS = 60
 _OPENING_PX = 5  # takes two pixels from the rim of a surface, which are then given back
+_TOUCHING_PX = 9  # a thing has pixels this close to the top that it stands on
 MOST_SEEDS, SEED_SHARE = 3, 0.25  # surfaces that start a top: number, share of the best score
 
 
 def label_view(
     view: SampledView, plane: Plane, candidate: TableCandidate, config: SegmentationConfig
 ) -> ViewSegmentation:
-    """Label one view at full resolution, given the top's plane in it."""
+    """Label one view, given the top's plane in it; pixels between the view's are as these."""
     z = view.points[..., 2]
     valid = np.isfinite(z)
     band_width = np.minimum(
@@ -57,7 +59,7 @@ def label_view(
     labels[valid] = Label.FRONT
     labels[below] = Label.BEHIND
     labels[below & floor] = Label.FLOOR
-    labels[in_band & grown(surfaces > 0, _OPENING_PX)] = Label.OTHER_TOP
+    labels[in_band & grown(surfaces > 0, view.window(_OPENING_PX))] = Label.OTHER_TOP
     top = _top(view, surfaces, over, below, candidate, config)
     if view.snapshot.base_from_camera[2, 3] <= plane.height + 0.05:
         top = np.zeros_like(valid)
@@ -65,31 +67,32 @@ def label_view(
     elif not top.any():
         reason = "no surface at the table's height near its place"
     else:
-        top = in_band & grown(top, _OPENING_PX)
-        share = float(top.mean())
+        top = in_band & grown(top, view.window(_OPENING_PX))
+        share, pixels = float(top.mean()), int(top.sum()) * view.stride**2
         reason = (
             None
             if share >= config.least_top_share
-            else f"only {counted(int(top.sum()), 'pixel')} ({share:.2%}) of the top could be seen"
+            else f"only {counted(pixels, 'pixel')} ({share:.2%}) of the top could be seen"
         )
     if top.any():
         labels[top] = Label.TOP
         labels[_standing(view, top, over, above_plane)] = Label.ON_TOP
     return ViewSegmentation(
         index=view.snapshot.index,
-        labels=labels,
+        labels=view.whole(labels),
         sees_table=reason is None,
         reason=reason,
         height=plane.height if reason is None else None,
-        top_pixels=int(top.sum()),
-        tolerance=band_width,
+        top_pixels=int(top.sum()) * view.stride**2,
+        tolerance=view.whole(band_width),
     )
 
 
 def _surfaces(view: SampledView, in_band: Bools) -> NDArray[np.int32]:
     """Label the connected surfaces in the band, without walls and slivers (0)."""
     filled = crowded(in_band, 5) & in_band
-    labels, count = ndimage.label(grown(shrunk(filled, _OPENING_PX), _OPENING_PX) & in_band)
+    opening = view.window(_OPENING_PX)
+    labels, count = ndimage.label(grown(shrunk(filled, opening), opening) & in_band)
     if count == 0:
         return np.zeros(in_band.shape, dtype=np.int32)
     inner = labels > 0
@@ -99,7 +102,9 @@ def _surfaces(view: SampledView, in_band: Bools) -> NDArray[np.int32]:
     sizes = np.bincount(numbers, minlength=count + 1)
     levels = np.bincount(numbers[level], minlength=count + 1)
     knowns = np.bincount(numbers[np.isfinite(upward)], minlength=count + 1)
-    keep = (sizes >= 60) & (levels >= _LEVEL_SHARE * np.maximum(knowns, 1))
+    keep = (sizes >= _LEAST_PIXELS / view.stride**2) & (
+        levels >= _LEVEL_SHARE * np.maximum(knowns, 1)
+    )
     keep[0] = False
     kept: NDArray[np.int32] = np.where(keep[labels], labels, 0).astype(np.int32)
     return kept
@@ -140,11 +145,12 @@ def _top(
     if len(close) <= 1:
         top: Bools = surfaces == int(np.argmax(score))
         return top
-    thin = surfaces[::GAP_STEP_PX, ::GAP_STEP_PX]
+    step = max(1, GAP_STEP_PX // view.stride)
+    thin = surfaces[::step, ::step]
     thing = region(view, candidate, config.reach, over)
-    bridges, _ = ndimage.label(grown(known | thing, _OPENING_PX)[::GAP_STEP_PX, ::GAP_STEP_PX])
+    bridges, _ = ndimage.label(grown(known | thing, view.window(_OPENING_PX))[::step, ::step])
     # One pixel below the plane is noise; four in a square are a gap.
-    through = shrunk(below[::GAP_STEP_PX, ::GAP_STEP_PX], 2)
+    through = shrunk(below[::step, ::step], 2)
     seeds = np.argsort(-score)[:MOST_SEEDS]
     sets = []
     for seed in seeds[score[seeds] > SEED_SHARE * score.max()]:
@@ -217,11 +223,12 @@ def _standing(
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
     within = np.bincount(labels[within_hull], minlength=count + 1)
     with np.errstate(invalid="ignore"):
-        low = (above_plane < STANDING_M) & grown(top, 9)
+        low = (above_plane < STANDING_M) & grown(top, view.window(_TOUCHING_PX))
     touching = np.bincount(labels[low], minlength=count + 1)
     stands = (within >= 0.5 * sizes) & (touching > 0)
     stands[0] = False
     on_top = stands[labels] & within_hull
+    near = view.window(_OPENING_PX)
     # Pixels on the cuts between regions follow their neighbours.
-    standing: Bools = on_top | (over & within_hull & (labels == 0) & grown(on_top, _OPENING_PX))
+    standing: Bools = on_top | (over & within_hull & (labels == 0) & grown(on_top, near))
     return standing

@@ -36,9 +36,12 @@ def segment(
     sensors: SensorsConfig,
     near: tuple[float, float] | None = None,
     candidate: TableCandidate | None = None,
+    stride: int = 1,
     record: Record = ignore,
 ) -> Segmentation:
     """Choose the table (nearest to ``near`` in the map, or the best seen) and label every view.
+
+    ``stride``: 1 labels every pixel, `STRIDE_PX` only those by which the table is chosen.
 
     All candidates go to ``record`` before one is chosen. A ``candidate`` of `find_tables`, if
     given, is taken without a choice. A surface that gave no table, and for which no other one is
@@ -48,7 +51,7 @@ def segment(
     coarse = [look(s, stride=STRIDE_PX) for s in snapshots]
     if candidate is not None:
         try:
-            return _labelled(coarse, (candidate,), candidate, [], config, sensors)
+            return _labelled(coarse, (candidate,), candidate, [], config, sensors, stride)
         except EstimationError:
             record(TableRefused(candidate, _levelled(coarse, candidate, config)))
             raise
@@ -56,7 +59,7 @@ def segment(
     record(TablesFound(candidates))
     chosen, warnings = _choose(candidates, near, config)
     try:
-        return _labelled(coarse, candidates, chosen, warnings, config, sensors)
+        return _labelled(coarse, candidates, chosen, warnings, config, sensors, stride)
     except EstimationError as failure:
         if near is not None:
             record(TableRefused(chosen, _levelled(coarse, chosen, config)))
@@ -66,7 +69,7 @@ def segment(
                 continue
             second = _second_choice(chosen, other, failure)
             try:
-                return _labelled(coarse, candidates, other, [second], config, sensors)
+                return _labelled(coarse, candidates, other, [second], config, sensors, stride)
             except EstimationError:
                 continue
         record(TableRefused(chosen, _levelled(coarse, chosen, config)))
@@ -88,12 +91,14 @@ def choose_next(
     config: SegmentationConfig,
     sensors: SensorsConfig,
 ) -> Segmentation:
-    """Label every view for another candidate, as the chosen one gave no model (``failure``).
+    """Label every view roughly for another candidate: the chosen one gave no model (``failure``).
 
     Raises `EstimationError` as `segment` does.
     """
     chosen = next(each for each in first.candidates if each.chosen)
-    again = segment(snapshots, config=config, sensors=sensors, candidate=candidate)
+    again = segment(
+        snapshots, config=config, sensors=sensors, candidate=candidate, stride=STRIDE_PX
+    )
     candidates = tuple(replace(each, chosen=each is candidate) for each in first.candidates)
     warnings = (_second_choice(chosen, candidate, failure), *again.warnings)
     return replace(again, candidates=candidates, warnings=warnings)
@@ -144,6 +149,7 @@ def _labelled(
     warnings: list[ProcessWarning],
     config: SegmentationConfig,
     sensors: SensorsConfig,
+    stride: int,
 ) -> Segmentation:
     """Label every view, given the table. Raises `EstimationError` where no view sees it."""
     candidates = tuple(replace(c, chosen=c is chosen) for c in candidates)
@@ -155,7 +161,7 @@ def _labelled(
         )
     views = [
         label_view(
-            look(view.snapshot, stride=1, coarser=view),
+            view if view.stride == stride else look(view.snapshot, stride=stride, coarser=view),
             height.planes.get(view.snapshot.index, Plane(height.value, 0.0, 0.0)),
             chosen,
             config,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 import PIL.Image
@@ -24,6 +25,8 @@ CELL_M = 0.01
 LEAST_UPWARD = np.cos(np.deg2rad(30.0))
 """Least cosine between the vertical and a pixel's normal on a level surface: noisy depth tilts
 normals by so much."""
+
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 _TOLERANCE_SIGMAS = 3.0  # sigmas of a pixel's own noise
 
@@ -46,6 +49,18 @@ class SampledView:
     upward: NDArray[np.float32]
     steep: NDArray[np.float32]
     is_coarse: bool = False
+
+    def window(self, pixels: int) -> int:
+        """Return the odd width, in pixels of this view, of a window that wide in the snapshot."""
+        return pixels // self.stride // 2 * 2 + 1
+
+    def whole(self, image: NDArray[Scalar]) -> NDArray[Scalar]:
+        """Return an image (h, w) of this view at the size of the snapshot, its pixels repeated."""
+        if self.stride == 1:
+            return image
+        rows, columns = self.snapshot.depth.shape
+        repeated = np.repeat(np.repeat(image, self.stride, axis=0), self.stride, axis=1)
+        return repeated[:rows, :columns]
 
     @property
     def depth(self) -> NDArray[np.float32]:
@@ -93,9 +108,7 @@ def look(snapshot: Snapshot, *, stride: int, coarser: SampledView | None = None)
         upward = upward_share(points, COARSE_WINDOW_PX if coarse else NORMAL_WINDOW_PX)
     else:
         coarse = coarser.is_coarse
-        times = coarser.stride // stride
-        upward = np.repeat(np.repeat(coarser.upward, times, axis=0), times, axis=1)
-        upward = upward[: depth.shape[0], : depth.shape[1]]
+        upward = coarser.whole(coarser.upward)[::stride, ::stride]
     return SampledView(
         snapshot=snapshot,
         stride=stride,
