@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter
 from tablemap.config import OutlineConfig
 from tablemap.geometry import Bools, Floats
 from tablemap.masks import crowded, grown
-from tablemap.stages.outline.plane import ViewPlane, axial_noise
+from tablemap.stages.outline.plane import ViewPlane, axial_noise, inner_part
 from tablemap.stages.outline.shadows import Gaps, Shadow, find_gaps
 from tablemap.stages.segmentation import Label
 from tablemap.stages.snapshots import Snapshot
@@ -30,7 +30,7 @@ class Classes:
 
     - ``origin``: the window's row and column in the image
     - ``depth``: metres, NaN where nothing was measured
-    - ``height``: metres above the top's plane, NaN without depth
+    - ``height``: metres above the top beside it, NaN without depth
     - ``fall``: the height that a ray loses per metre of depth, negative
     - ``tau``: metres, the tolerance within which a pixel passes for top
     - ``top``, ``below``, ``front``, ``known``: what each pixel shows: the top, what is lower, what
@@ -93,6 +93,7 @@ def classify(
     tau = _tolerance(fall, offset, plane.noise, config)
     near_core = grown(label == Label.TOP, 11)
     with np.errstate(invalid="ignore"):
+        height -= _bend(height, (label == Label.TOP) & (np.abs(height) <= tau))
         level = np.abs(height) <= tau
         front = height > tau
         below = height < -tau
@@ -147,6 +148,27 @@ def _window(labels: NDArray[np.uint8]) -> tuple[slice, slice] | None:
         slice(max(rows[0] - MARGIN_PX, 0), min(rows[-1] + MARGIN_PX + 1, height)),
         slice(max(columns[0] - MARGIN_PX, 0), min(columns[-1] + MARGIN_PX + 1, width)),
     )
+
+
+def _bend(height: Floats32, top: Bools) -> Floats32:
+    """Return the top's own departure from its plane, smoothed and carried on beyond its rim.
+
+    Depth errs by a little else in each part of the image: by the rest of a bend, or by light that
+    came from a wall. What passes for top must be level with the top beside it, or the side face
+    gains or loses a strip.
+    """
+    inner = inner_part(top)
+    inner &= np.isfinite(height)
+    weight = gaussian_filter(inner.astype(np.float32), _BEND_PX, truncate=3.0)
+    total = gaussian_filter(np.where(inner, height, np.float32(0)), _BEND_PX, truncate=3.0)
+    bend = np.zeros_like(height)
+    np.divide(total, weight, out=bend, where=weight > _LEAST_WEIGHT)
+    return np.clip(bend, -_MOST_BEND_M, _MOST_BEND_M)
+
+
+_BEND_PX = 12.0  # sigma: wide against noise, narrow against bends
+_LEAST_WEIGHT = 1e-3
+_MOST_BEND_M = 0.004  # more is no bend, but a thing on the top
 
 
 def _tolerance(fall: Floats32, offset: float, noise: float, config: OutlineConfig) -> Floats32:

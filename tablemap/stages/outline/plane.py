@@ -69,7 +69,7 @@ def fit_plane(
     Returns None if the top has fewer than `MINIMUM_POINTS` inner pixels.
     """
     top = view.labels == Label.TOP
-    rows, columns = np.nonzero(_inner(top))
+    rows, columns = np.nonzero(inner_part(top))
     if len(rows) < MINIMUM_POINTS:
         rows, columns = np.nonzero(top)
     stride = max(1, len(rows) // config.plane_samples)
@@ -125,7 +125,7 @@ def fit_plane(
     )
 
 
-def _inner(top: Bools) -> Bools:
+def inner_part(top: Bools) -> Bools:
     """Return the pixels whose 9 by 9 neighbourhood is top: this leaves out strips of side faces."""
     size = 9
     share = uniform_filter(top.astype(np.float32), size, mode="constant")

@@ -9,10 +9,13 @@ import pytest
 
 from tablemap.config import OutlineConfig, SensorsConfig
 from tablemap.errors import EstimationError
+from tablemap.geometry import Bools
 from tablemap.stages.outline import EdgeKind, Outline, ViewEdges, find_edges
+from tablemap.stages.outline.thickness import RIM_SIGMA_M, FaceEnds, joint_rim
 from tablemap.stages.segmentation import Label, Segmentation
+from tablemap.stages.snapshots import Snapshot
 from tests.making.casting import Box, Drum, looking
-from tests.making.photographs import Scene, photograph, segmentation_of
+from tests.making.photographs import CAMERA, Scene, photograph, segmentation_of
 
 CONFIG = OutlineConfig()
 SENSORS = SensorsConfig()
@@ -89,6 +92,50 @@ def test_height_and_thickness() -> None:
     assert outline.thickness == pytest.approx(0.025, abs=2e-3)
     assert outline.thickness_sigma is not None
     assert 2e-4 < outline.thickness_sigma < 3e-3
+
+
+def bent(snapshot: Snapshot, top: Bools, further: float) -> Snapshot:
+    """Let the rows about the near rim of the top read further, by up to so many metres."""
+    rows = np.arange(snapshot.depth.shape[0])[:, None]
+    rim = np.flatnonzero(top.any(axis=1))[-1]
+    more = further * np.exp(-(((rows - rim) / 80.0) ** 2))
+    return replace(snapshot, depth=(snapshot.depth + more).astype(np.float32))
+
+
+def aims_mm(scene: Scene, pose: np.ndarray, view: ViewEdges) -> np.ndarray:
+    """Return how far outside the rim the rays of near edges meet the top's level, millimetres."""
+    u, v = view.pixels[(view.kind == EdgeKind.TABLE) & view.is_near].T
+    rays = np.column_stack(
+        [(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, np.ones(len(u))]
+    )
+    rays = rays @ pose[:3, :3].T
+    reach = (scene.top.high - pose[2, 3]) / rays[:, 2]
+    return scene.top.outside(pose[:2, 3] + reach[:, None] * rays[:, :2]) * 1e3
+
+
+@pytest.mark.parametrize("further", [-0.004, 0.004])
+def test_near_edges_do_not_follow_a_bend(further: float) -> None:
+    """Where top and side face read too far together, the edge between them stays."""
+    scene = Scene(TOP)
+    shot, view = photograph(scene, HIGH_CAMERA, np.random.default_rng(0))
+    found = [
+        find_edges(
+            (snapshot,), segmentation_of([view], 0.745), config=CONFIG, sensors=SENSORS
+        ).views[0]
+        for snapshot in (shot, bent(shot, view.labels == Label.TOP, further))
+    ]
+    flat, after = (aims_mm(scene, HIGH_CAMERA, edges) for edges in found)
+    assert len(after) > 0.9 * len(flat)
+    assert abs(np.median(after) - np.median(flat)) < 0.5
+
+
+def test_a_face_that_reads_nearer_is_no_round_rim() -> None:
+    """Where surfaces may err apart, by millimetres, a millimetre shows no bevel."""
+    faces = [FaceEnds(*[np.zeros(0)] * 3, bulge=np.full(200, 0.0015)) for _ in range(4)]
+    assert joint_rim(faces) == (0.0015, RIM_SIGMA_M)
+    rim = joint_rim(faces, surface_depth_sigma=0.002)
+    assert rim is not None
+    assert rim[1] == pytest.approx(np.hypot(RIM_SIGMA_M, 0.002))
 
 
 def test_apron_is_not_the_thickness() -> None:
