@@ -231,6 +231,13 @@ class SensorsConfig(Section):
         "in the cross-check of camera and laser. Higher: the cross-check explains more of a "
         "disagreement by the depth's scale",
     )
+    surface_depth_sigma: float = Field(
+        default=0.0,
+        ge=0,
+        description="metres; error of depth that differs from surface to surface, such as that of "
+        "light that came by way of a wall (sigma). Higher: larger sigma of the height, and a side "
+        "face that reads nearer than the top beside it shows no round rim",
+    )
     projector_baseline: float = Field(
         default=0.08,
         ge=0,

@@ -111,12 +111,13 @@ class Calibration:
         result: Floats = rows @ self.adjustment.covariance @ rows.T
         return result
 
-    def top_belief(self, height: float) -> TopBelief:
+    def top_belief(self, height: float, surface_depth_sigma: float = 0.0) -> TopBelief:
         """Return the uncertainty of a level top at a height above the floor.
 
         Let the camera be at height c, with a factor m on its depth. A point of a top at height h
         then appears at c + m (h - c). So the error of the height is that of c plus (h - c) times
-        that of m. If the top took part in the adjustment, its height comes from there.
+        that of m. If the top took part in the adjustment, its height comes from there. The depth of
+        the top may err by ``surface_depth_sigma`` (metres) otherwise than that of the floor.
         """
         if not self.snapshots:
             return TopBelief(np.zeros((4, 4)), 0.0, 0.0, (0.0, 0.0), 0.0, False)
@@ -138,8 +139,9 @@ class Calibration:
         own = np.sqrt(np.mean(self.adjustment.own_sigma**2, axis=0))
         pitches = np.sqrt(np.mean(self.adjustment.own[:, 1] ** 2) + own[1] ** 2)
         by_roll, by_pitch = self.beliefs.lean_share
+        lower = surface_depth_sigma * axis * np.array([1.0, -1.0 / drop, 0.0, 0.0])
         return TopBelief(
-            covariance=rows @ self.adjustment.covariance @ rows.T,
+            covariance=rows @ self.adjustment.covariance @ rows.T + np.outer(lower, lower),
             view_tilt=float(np.hypot(own[0], own[1]) / np.sqrt(2)),
             view_lift=float(own[2]),
             lean=(by_roll * camera, by_pitch * camera),

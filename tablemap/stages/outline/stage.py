@@ -67,7 +67,9 @@ def find_edges(
         own, segmentation.height, segmentation.height_sigma
     )
 
-    camera = None if calibration is None else calibration.top_belief(height)
+    camera = None
+    if calibration is not None:
+        camera = calibration.top_belief(height, sensors.surface_depth_sigma)
     lift = 0.0 if camera is None else camera.view_lift
     if camera is not None:
         height_sigma = float(np.sqrt(height_sigma**2 + camera.covariance[0, 0]))
@@ -88,7 +90,7 @@ def find_edges(
 
     faces = _faces(traced, height, config, sensors)
     thickness = joint_thickness(faces, config=config)
-    rim = None if thickness is None else joint_rim(faces)
+    rim = None if thickness is None else joint_rim(faces, sensors.surface_depth_sigma)
     labels = {view.index: view.labels for view in used}
     views: list[ViewEdges] = []
     for item in traced:

@@ -138,10 +138,13 @@ def joint_thickness(views: list[FaceEnds], *, config: OutlineConfig) -> tuple[fl
     return value, float(np.hypot(scatter, 0.25 * resolution))
 
 
-def joint_rim(views: list[FaceEnds]) -> tuple[float, float] | None:
+def joint_rim(
+    views: list[FaceEnds], surface_depth_sigma: float = 0.0
+) -> tuple[float, float] | None:
     """Return the distance of the side face outside the placed edge, and its sigma (metres).
 
     It is 0 at a sharp edge; at a bevel or a rounding the flat top ends before its outermost line.
+    ``surface_depth_sigma`` (metres) is how unlike the depths of face and top may err.
     Returns None if no view shows enough of a face.
     """
     medians = [float(np.median(view.bulge)) for view in views if len(view.bulge) >= MINIMUM_FACE]
@@ -149,4 +152,5 @@ def joint_rim(views: list[FaceEnds]) -> tuple[float, float] | None:
         return None
     value = float(np.median(medians))
     scatter = mad_sigma(np.array(medians) - value)
-    return value, float(np.hypot(scatter / np.sqrt(len(medians)), RIM_SIGMA_M))
+    own = np.hypot(RIM_SIGMA_M, surface_depth_sigma)
+    return value, float(np.hypot(scatter / np.sqrt(len(medians)), own))

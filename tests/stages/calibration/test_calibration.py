@@ -85,6 +85,18 @@ def test_what_the_floor_cannot_tell_stays_in_the_covariance() -> None:
     assert height_sigma(result, 0.74) == pytest.approx(0.74 * scale_sigma, rel=0.15)
 
 
+def test_a_top_that_reads_further_than_the_floor_is_lower_and_farther_away() -> None:
+    """Its own error of depth adds to height and distance, which err together."""
+    result = calibrate(round_trip([], (0.0, 0.0)), config=CONFIG, sensors=SENSORS)
+    camera = result.snapshots[0].base_from_camera
+    alike, apart = result.top_belief(0.74), result.top_belief(0.74, surface_depth_sigma=0.002)
+    lower, drop = 0.002 * camera[2, 2], camera[2, 3] - 0.74
+    more = (apart.covariance - alike.covariance)[:2, :2]
+    np.testing.assert_allclose(
+        more, lower**2 * np.array([[1.0, -1 / drop], [-1 / drop, drop**-2]]), rtol=0.01
+    )
+
+
 def leaning(leans: Floats) -> tuple[Snapshot, ...]:
     """Views of a table from bases with these rolls and pitches (n, 2), about their wheels."""
     views = []
