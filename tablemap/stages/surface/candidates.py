@@ -20,6 +20,7 @@ from tablemap.stages.surface.choice import (
 )
 from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.joint import (
+    Anchor,
     JointFit,
     Spread,
     fit_jointly,
@@ -149,7 +150,7 @@ def _weighed(
                 state = _normalised(fit).state
                 fit = _settle(state, evidence, config, (config.loss_sigmas,), noise)
             candidate = _candidate(fit, evidence, config)
-            if _is_supported(candidate, config):
+            if _is_supported(candidate, evidence, config):
                 refined.append(candidate)
         if refined:
             candidates.append(min(refined, key=lambda candidate: candidate.cost))
@@ -210,12 +211,19 @@ def _settle(
     """Fit with each loss scale in turn; before each, anchor the sides without edge points."""
     if not isinstance(start.shape, Sided):
         return fit_jointly(start, evidence, config, gates=gates, iterations=8, noise=noise)
-    fit = measure(start, evidence, config, noise=noise)
-    for gate in gates:
-        anchors = hold_unseen(fit, evidence, config)
-        fit = fit_jointly(
+
+    def held(fit: JointFit, gate: float, anchors: tuple[Anchor, ...]) -> JointFit:
+        return fit_jointly(
             fit.state, evidence, config, gates=(gate,), iterations=8, anchors=anchors, noise=noise
         )
+
+    fit = measure(start, evidence, config, noise=noise)
+    for gate in gates:
+        fit = held(fit, gate, hold_unseen(fit, evidence, config))
+    # The last fit may have taken a side away from its edge points, or brought it to some.
+    anchors = hold_unseen(fit, evidence, config)
+    if [anchor.side for anchor in anchors] != [anchor.side for anchor in fit.anchors]:
+        fit = held(fit, gates[-1], anchors)
     return fit
 
 
@@ -284,12 +292,12 @@ def _candidate(
     )
 
 
-def _is_supported(candidate: Candidate, config: SurfaceConfig) -> bool:
+def _is_supported(candidate: Candidate, evidence: Evidence, config: SurfaceConfig) -> bool:
     """Tell whether the evidence is able to support this shape."""
     fit = candidate.fit
     if not fit.shape.is_plausible() or not np.isfinite(fit.data_cost):
         return False
-    own = own_statuses(sights(fit), config)
+    own = own_statuses(sights(fit, evidence), config)
     return fit.shape.is_shown(own) and fit.shape.is_told(candidate.spread.covariance, config)
 
 

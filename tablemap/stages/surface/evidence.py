@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +21,9 @@ from tablemap.stages.surface.priors import (
     skew_sigma,
 )
 from tablemap.words import counted
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +75,13 @@ class Evidence:
     common_precision: Floats
     pose_sigma: float
     skew_sigma: float
+
+    @cached_property
+    def top_tree(self) -> cKDTree:
+        """The cells that were seen as top, for searches of the nearest one."""
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self.top)
 
     def thinned(self, most: int) -> Evidence:
         """Return this evidence with about ``most`` edge points, evenly along each contour."""

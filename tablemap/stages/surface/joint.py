@@ -11,6 +11,7 @@ from tablemap.geometry import Floats, Ints
 from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.nuisances import CommonNuisances, ViewCorrections
 from tablemap.stages.surface.residuals import (
+    STRAY,
     EdgeResiduals,
     Noise,
     State,
@@ -212,8 +213,8 @@ def _hold(
     anchors: tuple[Anchor, ...],
     noise: Noise,
 ) -> _Held:
-    seen = observe(state, evidence, config, noise)
-    data = float(robust(seen.squared, gate).sum())
+    seen = observe(state, evidence, config, noise, [anchor.side for anchor in anchors])
+    data = float(robust(np.where(seen.idle, STRAY**2, seen.squared), gate).sum())
     prior = prior_cost(state, evidence)
     if anchors and isinstance(state.shape, Sided):
         distance, _, precision = _pull(state.shape, anchors)

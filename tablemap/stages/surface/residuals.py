@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.nuisances import CommonNuisances, ViewCorrections
 from tablemap.stages.surface.shapes.shape import Measure, Shape
 
-_STRAY = 1e6  # the misfit, in sigmas, of a point that belongs to no side
+STRAY = 1e6  # the misfit, in sigmas, of a point that belongs to no side
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,7 @@ class EdgeResiduals:
     sigma: (N,), metres, with the stretch included
     squared: (N,), squared normalised residuals; they include distance past a side's end and
         normals that do not fit
+    idle: (N,), points of sides that an anchor holds: too few to show where the side is
     """
 
     state: State
@@ -83,10 +85,20 @@ class EdgeResiduals:
     stretch: Floats
     sigma: Floats
     squared: Floats
+    idle: Bools
 
 
-def observe(state: State, evidence: Evidence, config: SurfaceConfig, noise: Noise) -> EdgeResiduals:
-    """Place all edge points by a state's nuisances and measure them against its shape."""
+def observe(
+    state: State,
+    evidence: Evidence,
+    config: SurfaceConfig,
+    noise: Noise,
+    held: Sequence[int] = (),
+) -> EdgeResiduals:
+    """Place all edge points by a state's nuisances and measure them against its shape.
+
+    ``held`` are the sides that an anchor holds.
+    """
     correction = ViewCorrections.unpack(evidence.prior_root @ state.whitened)
     common = CommonNuisances.unpack(state.common)
     poses = evidence.poses + correction.poses + common.stretch * evidence.spread
@@ -115,9 +127,21 @@ def observe(state: State, evidence: Evidence, config: SurfaceConfig, noise: Nois
     stretch = 1 + scale
     sigma = noise.sigma(evidence) * stretch
     squared = (measure.distance**2 + measure.excess**2) / sigma**2
-    squared = np.where(stray, _STRAY**2, np.minimum(squared, _STRAY**2))
+    squared = np.where(stray, STRAY**2, np.minimum(squared, STRAY**2))
     return EdgeResiduals(
-        state, points, normals, local, cosine, sine, measure, facing, stray, stretch, sigma, squared
+        state=state,
+        points=points,
+        normals=normals,
+        local=local,
+        cosine=cosine,
+        sine=sine,
+        measure=measure,
+        facing=facing,
+        stray=stray,
+        stretch=stretch,
+        sigma=sigma,
+        squared=squared,
+        idle=np.isin(measure.side, held) & ~stray,
     )
 
 
@@ -142,7 +166,7 @@ def linearise(
     whitened nuisances couple all views.
     """
     weight = geman_mcclure(seen.squared / gate**2) / (seen.sigma**2 * noise.kappa)
-    weight[seen.stray] = 0.0
+    weight[seen.stray | seen.idle] = 0.0
     distance, normal = seen.measure.distance, seen.measure.normal
     # The shape's normal in the view's base: there the nuisances are simple.
     forward = seen.cosine * normal[:, 0] + seen.sine * normal[:, 1]

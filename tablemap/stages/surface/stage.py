@@ -127,7 +127,7 @@ def _primitive(
     evidence: Evidence,
     config: SurfaceConfig,
 ) -> Primitive:
-    figures, radius = _figures(candidate, config)
+    figures, radius = _figures(candidate, evidence, config)
     return Primitive(
         shape=candidate.name,
         pose=_pose(candidate.fit.shape, evidence),
@@ -149,7 +149,7 @@ def _pose(shape: Shape, evidence: Evidence) -> Pose2:
 
 
 def _figures(
-    candidate: Candidate, config: SurfaceConfig
+    candidate: Candidate, evidence: Evidence, config: SurfaceConfig
 ) -> tuple[dict[str, FittedFigure], FittedFigure | None]:
     if candidate.is_hull:
         return {}, None
@@ -157,7 +157,7 @@ def _figures(
     _, values = fit.shape.describe()
     if not values:
         return {}, None
-    seen = sights(fit)
+    seen = sights(fit, evidence)
     sides = fit.shape.side_statuses(own_statuses(seen, config))
     status = fit.shape.dimension_statuses(seen, sides)
     jacobian = _derivative(fit.shape)[3:]
@@ -189,13 +189,13 @@ def _budgeted(
     Two parts are added that the fit's covariance lacks: other shapes that explain the edges nearly
     as well have other dimensions, and a partly seen side may bend where it was not seen.
     """
-    figures, radius = _figures(chosen, config)
+    figures, radius = _figures(chosen, evidence, config)
     if not figures:
         return figures, radius
     fit = chosen.fit
     names = list(fit.shape.describe()[1])
     budgets = budget_of(fit, evidence, config, _derivative(fit.shape)[3:])
-    hidden = [1.0 / max(sight.fraction, 0.05) - 1.0 for sight in sights(fit)]
+    hidden = [1.0 / max(sight.fraction, 0.05) - 1.0 for sight in sights(fit, evidence)]
     share = (_HIDDEN_M * float(np.mean(hidden))) ** 2
     alternatives = [
         (score, candidate.fit.shape.describe()[1])
@@ -270,7 +270,7 @@ def _edges(
     candidate: Candidate, evidence: Evidence, config: SurfaceConfig
 ) -> tuple[SurfaceEdge, ...]:
     fit = candidate.fit
-    seen = sights(fit)
+    seen = sights(fit, evidence)
     status = fit.shape.side_statuses(own_statuses(seen, config))
     unbounded = {anchor.side for anchor in fit.anchors if not anchor.is_bounded}
     systematic = config.dimension_systematic

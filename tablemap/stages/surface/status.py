@@ -18,7 +18,7 @@ _LEAST_LENGTH = 4 * _REACH  # metres: one point alone shows half of it
 _BOTH_ENDS = 2 / 3  # of its length: a side with a smaller spread was seen at one end only
 
 
-def sights(fit: JointFit) -> tuple[Sight, ...]:
+def sights(fit: JointFit, evidence: Evidence) -> tuple[Sight, ...]:
     """Return how much of each side the edge points of all views show."""
     result = []
     shown = (fit.side >= 0) & (np.abs(fit.distance) < 0.02) & (fit.misfit < 5)
@@ -27,33 +27,60 @@ def sights(fit: JointFit) -> tuple[Sight, ...]:
         if not len(mine):
             result.append(Sight(0.0, 0.0, 0.0))
             continue
-        samples = _sampled(piece)
+        samples, outward = _sampled(piece)
         near = cKDTree(mine).query(samples, distance_upper_bound=_REACH)[0] < _REACH
         seen = np.flatnonzero(near)
         spread = (seen[-1] - seen[0] + 1) / len(samples) if len(seen) else 0.0
         length = float(np.linalg.norm(np.diff(piece, axis=0), axis=1).sum())
-        result.append(Sight(float(near.mean()), float(spread), float(near.mean()) * length))
+        fraction = float(near.mean())
+        beyond = _top_beyond(samples, outward, evidence)
+        result.append(Sight(fraction, float(spread), fraction * length, beyond))
     return tuple(result)
 
 
-def _sampled(piece: Floats) -> Floats:
+def _top_beyond(samples: Floats, outward: Floats, evidence: Evidence) -> float:
+    """Return the share of a side's samples beyond which the top was seen."""
+    if not len(evidence.top):
+        return 0.0
+    beyond = np.ones(len(samples), dtype=bool)
+    for away in _BEYOND:
+        distance, _ = evidence.top_tree.query(samples + away * outward)
+        beyond &= distance < evidence.cell
+    return float(beyond.mean())
+
+
+_BEYOND = (0.03, 0.05)  # metres: farther out than poses and votes err
+
+
+def _sampled(piece: Floats) -> tuple[Floats, Floats]:
+    """Return places along a side and their outward normals, each (n, 2)."""
     step = np.linalg.norm(np.diff(piece, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(step)])
     count = max(int(along[-1] / _STEP), 3)
     at = (np.arange(count) + 0.5) * (along[-1] / count)
-    return np.stack([np.interp(at, along, piece[:, 0]), np.interp(at, along, piece[:, 1])], axis=1)
+    places = np.stack(
+        [np.interp(at, along, piece[:, 0]), np.interp(at, along, piece[:, 1])], axis=1
+    )
+    segment = np.clip(np.searchsorted(along, at, side="right") - 1, 0, len(step) - 1)
+    tangent = np.diff(piece, axis=0)[segment] / np.maximum(step[segment], 1e-9)[:, None]
+    return places, np.column_stack([tangent[:, 1], -tangent[:, 0]])
 
 
 def own_statuses(seen: tuple[Sight, ...], config: SurfaceConfig) -> tuple[str, ...]:
     """Return each side's status by itself: measured, inferred or unseen.
 
-    A point or two beside a corner belong to any of its sides: they show none.
+    A point or two beside a corner belong to any of its sides: they show none. Nor do a few points
+    show a side where the top was seen to go on beyond more of it.
     """
     own = []
     for sight in seen:
         if sight.fraction >= config.measured_fraction and sight.spread >= _BOTH_ENDS:
             own.append(MEASURED)
-        elif sight.fraction >= config.inferred_fraction and sight.length >= _LEAST_LENGTH:
+        elif (
+            sight.fraction >= config.inferred_fraction
+            and sight.length >= _LEAST_LENGTH
+            and sight.beyond <= sight.fraction
+        ):
             own.append(INFERRED)
         else:
             own.append(UNSEEN)
@@ -69,7 +96,7 @@ def hold_unseen(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> tup
     if not isinstance(shape, Sided):
         return ()
     anchors = []
-    statuses = own_statuses(sights(fit), config)
+    statuses = own_statuses(sights(fit, evidence), config)
     for index, (status, piece) in enumerate(zip(statuses, shape.pieces(), strict=True)):
         if status != UNSEEN:
             continue
@@ -80,12 +107,12 @@ def hold_unseen(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> tup
         free = _within(evidence.free, piece, along, 0.1)
         here = float(piece[0] @ outward)
         edge = _within(fit.points[fit.side >= 0], piece, along, -0.05)
-        reach = np.concatenate([top, edge]) @ outward
-        close = np.abs(reach - here) < 0.3
+        seen = np.concatenate([top, edge])
+        close = np.abs(seen @ outward - here) < 0.3
         if len(shape.pieces()) > 4 and close.any():
             # In a polygon with arms, only the top near this side counts.
-            reach = reach[close]
-        last = float(np.percentile(reach, 99)) + evidence.cell / 2 if len(reach) else here
+            seen = seen[close]
+        last = _last(seen @ along, seen @ outward, evidence.cell) if len(seen) else here
         depth = free @ outward
         depth = depth[(depth > last - evidence.cell) & (depth < last + 0.6)]
         middle = piece.mean(axis=0)
@@ -97,6 +124,14 @@ def hold_unseen(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> tup
         else:
             anchors.append(Anchor(index, foot, 0.1, is_bounded=False))
     return tuple(anchors)
+
+
+def _last(along: Floats, outward: Floats, cell: float) -> float:
+    """Return how far outward the top was seen: most columns across a side end there or before."""
+    _, column = np.unique(np.floor(along / cell), return_inverse=True)
+    farthest = np.full(column.max() + 1, -np.inf)
+    np.maximum.at(farthest, column, outward)
+    return float(np.percentile(farthest, 70)) + cell / 2
 
 
 def _within(points: Floats, piece: Floats, along: Floats, margin: float) -> Floats:

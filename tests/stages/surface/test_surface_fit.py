@@ -11,6 +11,7 @@ from tablemap.config import SensorsConfig, SurfaceConfig
 from tablemap.errors import EstimationError
 from tablemap.geometry import Pose2
 from tablemap.stages.calibration import TopBelief
+from tablemap.stages.outline import EdgeKind
 from tablemap.stages.surface import Mounting, Surface, fit_surface
 from tablemap.stages.surface.shapes.shape import area, signed_distance
 from tablemap.stages.surface.shapes.sides import Sight
@@ -189,6 +190,36 @@ def test_an_unseen_side_is_not_called_measured() -> None:
     assert sigma is None or sigma > 0.01
     assert "accuracy.unseen_side" in {warning.code for warning in surface.warnings}
     assert "unseen" in {edge.status for edge in surface.edges}
+
+
+def test_strays_do_not_place_a_side_that_was_not_seen() -> None:
+    """A few points beside the corners, 8 cm inside: the side stays where the last top was seen."""
+    table = box_table(1.2, 0.8, Pose2())
+    bench = replace(Bench(), hidden=((-0.9, 0.9),), occluded=0.0, free=False)
+    random = np.random.default_rng(1)
+    outline, registration = observe(table, bench, random)
+    seen = np.mgrid[-0.59:0.6:0.02, -0.39:0.4:0.02].reshape(2, -1).T
+    views = []
+    for view in outline.views:
+        points, normals = view.points.copy(), view.normals.copy()
+        few = random.choice(np.flatnonzero(view.kind == EdgeKind.TABLE), 5, replace=False)
+        across = random.choice([-1.0, 1.0], 5) * random.uniform(0.37, 0.4, 5)
+        base = registration.map_from_base[view.index].inverse()
+        points[few] = base.apply(np.column_stack([np.full(5, 0.52), across]))
+        normals[few] = base.rotation @ [1.0, 0.0]
+        views.append(replace(view, points=points, normals=normals, top=base.apply(seen)))
+    surface = fit_surface(
+        replace(outline, views=tuple(views)),
+        registration,
+        config=SurfaceConfig(),
+        sensors=SENSORS,
+        seed=0,
+    )
+    assert surface.shape == "rectangle"
+    length = surface.dimensions["length"]
+    assert (length.status, length.sigma) == ("unseen", None)
+    assert 1.17 < length.value < 1.23
+    assert "accuracy.votes_contradict" not in {warning.code for warning in surface.warnings}
 
 
 @pytest.mark.parametrize(

@@ -14,11 +14,13 @@ class Sight:
     fraction: the share of its length that edge points show.
     spread: the share of its length from the first seen part to the last.
     length: metres that edge points show.
+    beyond: the share of its length along which the top was seen to go on beyond it.
     """
 
     fraction: float
     spread: float
     length: float
+    beyond: float = 0.0
 
 
 def worst(*status: str) -> str:
