@@ -69,7 +69,7 @@ RENAMED = {
     "odometry.maximum_range": "sensors.laser_maximum_range_odometry",
     "odometry.maximum_speed": "sensors.localisation_jump_speed",
     "odometry.maximum_turn_deg": "sensors.localisation_jump_turn_deg_odometry",
-    "odometry.standing_every": "stages/odometry/choosing.py:_STANDING_EVERY",
+    "odometry.standing_every": "stages/odometry/choosing.py:chosen_scans",
     "outline.edge_sigma_px": "sensors.edge_sigma_px",
     "outline.baseline": "sensors.projector_baseline",
     "outline.slope_prior_deg": "sensors.calibrated_view_tilt_sigma_deg",

@@ -30,14 +30,16 @@ class OdometryConfig(Section):
         "pull more",
     )
     moved: float = Field(
-        default=0.02,
+        default=0.04,
         gt=0,
-        description="metres; a scan is used after so much motion. Higher: fewer scans, less time",
+        description="metres; a scan is used after so much motion, without wheel odometry after "
+        "a quarter of it. Higher: fewer scans, less time",
     )
     turned_deg: float = Field(
-        default=1.0,
+        default=2.0,
         gt=0,
-        description="degrees; a scan is used after so much turning. Higher: fewer scans, less time",
+        description="degrees; a scan is used after so much turning, without wheel odometry after "
+        "a quarter of it. Higher: fewer scans, less time",
     )
     maximum_correction: float = Field(
         default=0.15,
