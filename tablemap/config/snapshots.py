@@ -16,6 +16,13 @@ class SnapshotsConfig(Section):
         description="snapshots; the most that are kept; those that show a new view come first. "
         "Higher: more views, more time and memory",
     )
+    maximum_at_stops: int = Field(
+        default=30,
+        ge=1,
+        description="snapshots; the most that are kept where the base stood for each. They err "
+        "together, by the camera's errors and the poses: further ones say little. Higher: as for "
+        "`maximum`, of which there are no more",
+    )
     images_per_stop: int = Field(
         default=10,
         ge=1,

@@ -50,7 +50,8 @@ def take_snapshots(
             SetAside(
                 "viewpoint",
                 viewpoint.middle_ns,
-                f"it is not among the {counted(config.maximum, 'viewpoint')} with the most views",
+                f"it is not among the {counted(_most(kind, config), 'viewpoint')} with the most "
+                "views",
             )
         )
     snapshots, dropped, camera = _decode(recording, [viewpoints[i] for i in kept], config)
@@ -171,15 +172,20 @@ def _limit(
     recording: Recording, viewpoints: list[Viewpoint], kind: str, config: SnapshotsConfig
 ) -> Ints:
     """Return the indices of the viewpoints to keep, at most the configured number."""
+    most = _most(kind, config)
     if all(len(v.stamps_ns) > 1 or v.end_ns > v.start_ns for v in viewpoints) and (
-        len(viewpoints) <= config.maximum
+        len(viewpoints) <= most
     ):
         return np.arange(len(viewpoints))
     views = views_at(recording, np.array([v.middle_ns for v in viewpoints], dtype=np.int64))
     if kind == "keyframes":
         # A moving robot nods, so the elevation of its camera does not count.
         views[:, 3] = 0.0
-    return choose_by_new_view(views, config.maximum, config)
+    return choose_by_new_view(views, most, config)
+
+
+def _most(kind: str, config: SnapshotsConfig) -> int:
+    return min(config.maximum, config.maximum_at_stops) if kind == "stops" else config.maximum
 
 
 def _decode(
