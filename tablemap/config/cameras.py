@@ -10,8 +10,14 @@ DepthCamera = Literal[
 ]
 """The kinds of depth cameras, and models of them."""
 
-_STEREO = {"top_widening_sigma_px": 0.6, "edge_bias_sigma": 0.004}
-"""What compares windows of two images fattens what is in front, by millimetres."""
+_STEREO = {
+    "top_widening_px": 1.5,
+    "top_widening_sigma_px": 1.0,
+    "edge_bias_sigma": 0.004,
+}
+"""What compares windows of two images fattens what is in front, by up to half of a window: two
+pixels or three (Scharstein and Szeliski, "A Taxonomy and Evaluation of Dense Two-Frame Stereo
+Correspondence Algorithms", IJCV 2002)."""
 
 _TIME_OF_FLIGHT = {
     "projector_baseline": 0.0,  # light goes out and comes back on one way

@@ -257,12 +257,24 @@ class SensorsConfig(Section):
         description="sigmas of one edge point; error that all near edges share (sigma), in the "
         "fit of the surface. Higher: larger sigmas of the dimensions",
     )
+    top_widening_px: float = Field(
+        default=0.0,
+        ge=0,
+        description="pixels; by how much the image widens the top before a background, where its "
+        "legs do not tell it. Higher: the top comes out smaller",
+    )
     top_widening_sigma_px: float = Field(
         default=0.24,
         gt=0,
-        description="pixels; by how much the image widens the top before a background (sigma), "
-        "where its legs do not tell it; the default is for mixed pixels. Higher: larger sigmas of "
-        "the dimensions",
+        description="pixels; error of `top_widening_px` (sigma); the default is for mixed pixels. "
+        "Higher: larger sigmas of the dimensions",
+    )
+    widened_edge_correlation_px: float = Field(
+        default=96.0,
+        gt=0,
+        description="pixels; the length along an edge over which edge points have the same error "
+        "where the image widens the top. Higher: larger sigmas, and the edges change fewer of the "
+        "camera's values",
     )
     edge_bias_sigma: float = Field(
         default=0.002,

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 
 from tablemap.config import OutlineConfig
 from tablemap.geometry import Bools, Floats
-from tablemap.masks import crowded, grown
+from tablemap.masks import crowded, grown, opened
 from tablemap.stages.outline.plane import ViewPlane, axial_noise, inner_part
 from tablemap.stages.outline.shadows import Gaps, Shadow, find_gaps
 from tablemap.stages.segmentation import Label
@@ -73,11 +73,17 @@ class Occupancy(Classes):
 
 
 def classify(
-    snapshot: Snapshot, labels: NDArray[np.uint8], plane: ViewPlane, *, config: OutlineConfig
+    snapshot: Snapshot,
+    labels: NDArray[np.uint8],
+    plane: ViewPlane,
+    *,
+    config: OutlineConfig,
+    widens: bool = False,
 ) -> Classes | None:
     """Classify the pixels round the labelled top as top, below, front or unknown.
 
-    Returns None if no pixel is labelled as top.
+    ``widens`` tells that the camera's depth widens what stands before a background. Returns None if
+    no pixel is labelled as top.
     """
     window = _window(labels)
     if window is None:
@@ -102,6 +108,10 @@ def classify(
     below &= ~front
     # Single flying pixels are no occluders.
     front &= crowded(front, 4)
+    if widens:
+        widened = _widened(front, top, depth, plane.noise)
+        top |= widened
+        front &= ~widened
 
     smooth_top = gaussian_filter(top.astype(np.float32), config.smoothing_px, truncate=3.0)
     below &= ~_mixed(depth, height, fall, below, smooth_top, snapshot, rows, columns, config)
@@ -169,6 +179,28 @@ def _bend(height: Floats32, top: Bools) -> Floats32:
 _BEND_PX = 12.0  # sigma: wide against noise, narrow against bends
 _LEAST_WEIGHT = 1e-3
 _MOST_BEND_M = 0.004  # more is no bend, but a thing on the top
+
+
+def _widened(front: Bools, top: Bools, depth: Floats32, noise: float) -> Bools:
+    """Find the pixels beyond the top's far edge that took their depth from the top.
+
+    Stereo compares windows: what stands before a background gets wider by some pixels, which have
+    the depth of the nearest part of the window. On a top seen from above they are nearer than its
+    plane there. They are told from things on the top by their narrow band.
+    """
+    band = front & ~opened(front, _WIDEST_PX + 2)
+    if not band.any():
+        return band
+    size = 2 * _WIDEST_PX + 1
+    nearest = minimum_filter(np.where(top, depth, np.float32(np.inf)), size)
+    farthest = maximum_filter(np.where(top, depth, np.float32(-np.inf)), size)
+    own = depth[band]
+    allowance = 3 * np.float32(noise) * axial_noise(own)
+    band[band] = (own > nearest[band] - allowance) & (own < farthest[band] + allowance)
+    return band
+
+
+_WIDEST_PX = 3
 
 
 def _tolerance(fall: Floats32, offset: float, noise: float, config: OutlineConfig) -> Floats32:

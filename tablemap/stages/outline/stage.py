@@ -78,7 +78,13 @@ def find_edges(
         if view.index not in own:
             continue
         plane = _shrunk(own[view.index], height, scatter)
-        classes = classify(by_index[view.index], view.labels, plane, config=config)
+        classes = classify(
+            by_index[view.index],
+            view.labels,
+            plane,
+            config=config,
+            widens=sensors.top_widening_px > 0,
+        )
         if classes is not None:
             seen.append((by_index[view.index], plane, classes))
     shadow = find_shadow([classes.gaps for *_, classes in seen], sensors.projector_baseline)

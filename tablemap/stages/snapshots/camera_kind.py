@@ -1,9 +1,10 @@
 """The kind of a depth camera, as its images show it: by the steps of depth, and by its noise.
 
 A camera that triangulates measures a disparity: the noise of its depth, and the steps where they
-are seen, grow with the square of the distance. The noise of a time-of-flight camera is less, grows
-about linearly, more where dark or slanted surfaces are the far ones, and its steps are the
-millimetres of the encoding.
+are seen, grow with the square of the distance. The steps of structured light are eighths of a pixel
+(Khoshelham and Elberink, Sensors 2012), those of stereo are finer. The noise of a time-of-flight
+camera is less, grows about linearly, more where dark or slanted surfaces are the far ones, and its
+steps are the millimetres of the encoding.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ _MOST_VIEWS = 6
 _NEAREST, _FARTHEST = 0.8, 4.0  # metres
 _FEWEST_SLABS, _LEAST_PIXELS = 5, 500
 _FINE = 0.0015  # metres: a step of the encoding, and none of the camera
+_COARSE = 0.008  # metres at two metres: eighths of a pixel at a projector's baseline
 _GROWS, _SQUARE = 1.3, 1.5  # powers of the distance
 _TIME_OF_FLIGHT = ((1.35, 0.006), (1.6, 0.0045))  # powers, and the most noise at two metres, metres
 
@@ -58,7 +60,9 @@ def _kind(seen: SeenCamera, distances: Floats, steps: Floats) -> DepthCamera | N
         if stepped.sum() < _FEWEST_SLABS:
             return None
         growth = float(np.polyfit(np.log(distances[stepped]), np.log(steps[stepped]), 1)[0])
-        return "structured_light" if growth > _GROWS else None
+        if growth <= _GROWS:
+            return None
+        return "structured_light" if seen.step > _COARSE else "stereo"
     if any(seen.power < power and seen.noise < most for power, most in _TIME_OF_FLIGHT):
         return "time_of_flight"
     return "stereo" if seen.power > _SQUARE else None

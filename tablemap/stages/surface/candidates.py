@@ -66,12 +66,12 @@ def fit_candidates(
     wide = (max(0.03 / sigma, config.loss_sigmas), max(0.01 / sigma, config.loss_sigmas))
     narrow = (config.loss_sigmas,)
     coarse = evidence.thinned(config.points_coarse)
-    assumed = assumed_noise(evidence, config)
+    assumed = assumed_noise(evidence)
 
     def best(starts: list[Shape], gates: tuple[float, ...]) -> list[JointFit]:
         """Try all starts on few points, and fit the best of them to all."""
         fits = [
-            _settle(unfitted(shape, coarse), coarse, config, gates, assumed_noise(coarse, config))
+            _settle(unfitted(shape, coarse), coarse, config, gates, assumed_noise(coarse))
             for shape in starts
             if shape.is_plausible()
         ]
@@ -115,7 +115,7 @@ def refit_candidates(
 
     For evidence whose priors alone have changed: each shape is near its best place already.
     """
-    assumed = assumed_noise(evidence, config)
+    assumed = assumed_noise(evidence)
     fits = [measure(state, evidence, config, noise=assumed) for state in states]
     costs = [_cost(fit, evidence, config) for fit in fits]
     near = min(costs, default=0.0) + _HOPELESS
@@ -135,7 +135,7 @@ def _weighed(
     noise, least = assumed, np.inf
     if everything:
         # The closest fit shows the noise: the residuals of a wrong shape are not only noise.
-        noise = estimate_noise(min(everything, key=_raw_cost), evidence, config)
+        noise = estimate_noise(min(everything, key=_raw_cost), evidence)
         least = min(_cost(fit, evidence, config) for fit in everything)
     candidates = []
     for found in fits:
@@ -235,7 +235,7 @@ def _promising(
     gate: float,
 ) -> list[Sided]:
     """Keep the best two of the polygons, by a quick fit to few points."""
-    noise = assumed_noise(coarse, config)
+    noise = assumed_noise(coarse)
     ranked: list[tuple[float, Sided]] = []
     for shape in shapes:
         start = replace(nuisances, shape=shape)

@@ -17,13 +17,13 @@ from tablemap.stages.surface.shapes.shape import centroid, signed_distance
 _MOST_LAGS = 40
 
 
-def assumed_noise(evidence: Evidence, config: SurfaceConfig) -> Noise:
+def assumed_noise(evidence: Evidence) -> Noise:
     """Return the assumed scatter of edge points, for use before the first fit."""
-    least, most = _kappa_range(evidence, config)
+    least, most = _kappa_range(evidence)
     return Noise(1.0, 1.0, float(np.sqrt(least * most)))
 
 
-def estimate_noise(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> Noise:
+def estimate_noise(fit: JointFit, evidence: Evidence) -> Noise:
     """Estimate scale and correlation of the scatter from a fit's residuals.
 
     Kappa is the integrated autocorrelation along each view's contour (Sokal's window). It is
@@ -32,7 +32,7 @@ def estimate_noise(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> 
     normalised = fit.distance / evidence.sigma
     close = (fit.side >= 0) & (np.abs(normalised) < 8)
     if close.sum() < 20:
-        return assumed_noise(evidence, config)
+        return assumed_noise(evidence)
     near = _scatter(normalised[close & evidence.is_near])
     far = _scatter(normalised[close & ~evidence.is_near])
     centre = centroid(fit.shape.outline())
@@ -60,7 +60,7 @@ def estimate_noise(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> 
         if correlation[lag] < 0.05 or count[lag] < 20:
             break
         kappa += 2 * float(correlation[lag])
-    least, most = _kappa_range(evidence, config)
+    least, most = _kappa_range(evidence)
     return Noise(near, far, float(np.clip(kappa, least, most)))
 
 
@@ -71,9 +71,10 @@ def _scatter(normalised: Floats) -> float:
     return float(np.clip(mad_sigma(normalised), 0.25, 5.0))
 
 
-def _kappa_range(evidence: Evidence, config: SurfaceConfig) -> tuple[float, float]:
-    least = max(config.correlation_px / evidence.spacing_px, 1.0)
-    return least, max(config.correlation_maximum_px / evidence.spacing_px, least)
+def _kappa_range(evidence: Evidence) -> tuple[float, float]:
+    shortest, longest = evidence.correlation_px
+    least = max(shortest / evidence.spacing_px, 1.0)
+    return least, max(longest / evidence.spacing_px, least)
 
 
 @dataclass(frozen=True)

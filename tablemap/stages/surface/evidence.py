@@ -19,6 +19,7 @@ from tablemap.stages.surface.priors import (
     corrections_root,
     pose_sigma,
     skew_sigma,
+    widens,
 )
 from tablemap.words import counted
 
@@ -44,6 +45,7 @@ class Evidence:
     prior_sources: (m,), what each of these stands for, as `budget.PARTS` names it
     top, free: (c, 2), centres of cells of ``cell`` metres
     spacing_px: typical distance between neighbouring edge points of a view, pixels
+    correlation_px: least and largest length along an edge over which errors are alike, pixels
     common_mean, common_precision: the prior of `CommonNuisances`, mean (c,) and precision (c, c)
     pose_sigma: standard deviation of a view's place, metres, the median of the views
     skew_sigma: standard deviation of a bend of the drive, radians; poses from depth alone share the
@@ -69,6 +71,7 @@ class Evidence:
     free: Floats
     cell: float
     spacing_px: float
+    correlation_px: tuple[float, float]
     points: Floats
     normals: Floats
     common_mean: Floats
@@ -186,6 +189,7 @@ def gather(
         free=free,
         cell=config.cell,
         spacing_px=_spacing(views, parts),
+        correlation_px=_correlation(config, sensors, mounting),
         points=place(in_base, index, poses),
         normals=turn(normal, poses[index, 2]),
         common_mean=mean,
@@ -194,6 +198,15 @@ def gather(
         skew_sigma=skew_sigma(registration, poses),
     )
     return evidence, tuple(warnings)
+
+
+def _correlation(
+    config: SurfaceConfig, sensors: SensorsConfig, mounting: Mounting | None
+) -> tuple[float, float]:
+    least, most = config.correlation_px, config.correlation_maximum_px
+    if widens(mounting, sensors):
+        least = max(least, sensors.widened_edge_correlation_px)
+    return least, max(most, least)
 
 
 def turn(vectors: Floats, yaw: Floats) -> Floats:

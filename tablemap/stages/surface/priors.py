@@ -89,19 +89,35 @@ def common_prior(
     return mean, precision
 
 
+def widens(mounting: Mounting | None, sensors: SensorsConfig) -> bool:
+    """Tell whether depth widens what stands before a background, as stereo's windows do.
+
+    If laser and camera saw the same legs, these tell it, else the kind of the camera.
+    """
+    if mounting is None or not np.isfinite(mounting.widening[1]):
+        return sensors.top_widening_px > 0
+    return mounting.widening[0] >= _CLEAR * _noise(mounting, sensors)
+
+
+def _noise(mounting: Mounting, sensors: SensorsConfig) -> float:
+    return float(np.hypot(mounting.widening[1], sensors.edge_widening_sigma_px))
+
+
 def _widening(mounting: Mounting | None, sensors: SensorsConfig) -> tuple[float, float]:
     """Return by how many pixels depth widens the top, and the standard deviation.
 
-    Most depth images widen nothing: only a clear sign in the legs' silhouettes counts.
+    Most depth images widen nothing: for these only a clear sign in the legs' silhouettes counts.
     """
-    if mounting is None:
-        return 0.0, sensors.top_widening_sigma_px
-    widening, sigma = mounting.widening
-    noise = float(np.hypot(sigma, sensors.edge_widening_sigma_px))
-    if widening < _CLEAR * noise:
-        return 0.0, sensors.top_widening_sigma_px
-    gain = 1.0 / (1.0 + (noise / sensors.silhouette_width_sigma_px) ** 2)
-    return gain * widening, float(noise * np.sqrt(gain))
+    mean, sigma = sensors.top_widening_px, sensors.top_widening_sigma_px
+    if mounting is None or not np.isfinite(mounting.widening[1]):
+        return mean, sigma
+    widened = widens(mounting, sensors)
+    if not mean and not widened:
+        return 0.0, sigma
+    sigma = max(sigma, sensors.silhouette_width_sigma_px) if widened else sigma
+    noise = _noise(mounting, sensors)
+    gain = 1.0 / (1.0 + (noise / sigma) ** 2)
+    return mean + gain * (mounting.widening[0] - mean), float(noise * np.sqrt(gain))
 
 
 _CLEAR = 2.0  # sigmas

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import minimum_filter
 
 from tablemap.config import OutlineConfig, SensorsConfig
 from tablemap.errors import EstimationError
@@ -197,6 +198,29 @@ def test_a_wider_top_moves_only_edges_with_the_background_beside_them() -> None:
     assert np.mean(view.widening[near] == 0) > 0.8
     sliver = near & (view.widening > 0)
     assert (view.sigma[sliver] > view.widening[sliver]).all()
+
+
+def test_what_stereo_widens_hides_no_edge() -> None:
+    """Beyond far edges two pixels have the depth of the top before them: they are no occluder."""
+    scene = Scene(TOP, noise=0.2)
+    shot, view = photograph(scene, LOW_CAMERA, np.random.default_rng(0))
+    depth = np.nan_to_num(shot.depth, nan=np.float32(9.0))
+    nearest = minimum_filter(depth, 5)
+    widened = replace(shot, depth=np.where(depth - nearest > 0.06, nearest, shot.depth))
+    sensors, _ = SensorsConfig(depth_camera="stereo").of_camera(None)
+    segmentation = segmentation_of([view], 0.745)
+    sharp, wide = (
+        find_edges((each,), segmentation, config=CONFIG, sensors=sensors).views[0]
+        for each in (shot, widened)
+    )
+    far = [np.count_nonzero((e.kind == EdgeKind.TABLE) & ~e.is_near) for e in (sharp, wide)]
+    assert far[1] > 0.9 * far[0]
+    assert np.count_nonzero(wide.kind == EdgeKind.OCCLUDED) <= 10
+    moved = np.median(errors_mm(scene, wide, near=False)) - np.median(
+        errors_mm(scene, sharp, near=False)
+    )
+    pixel = 1e3 * np.median(wide.widening[(wide.kind == EdgeKind.TABLE) & ~wide.is_near])
+    assert 1.5 * pixel < moved < 3.0 * pixel
 
 
 def test_coarse_depth_steps_give_edges_with_honest_sigma() -> None:

@@ -31,6 +31,12 @@ def realsense(rng: np.random.Generator) -> NDArray[np.float64]:
     return np.rint(1e3 * 21.3 / disparity) / 1e3
 
 
+def coarse_realsense(rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return what the same sees in 640 x 480: steps of 6 mm at two metres."""
+    disparity = np.rint(32 * (19.3 / IDEAL + rng.normal(0, 0.09, IDEAL.shape))) / 32
+    return np.rint(1e3 * 19.3 / disparity) / 1e3
+
+
 def zed(rng: np.random.Generator) -> NDArray[np.float64]:
     """Return floats with NaN and infinities."""
     depth = 63.0 / (63.0 / IDEAL + rng.normal(0, 0.15, IDEAL.shape))
@@ -59,6 +65,7 @@ def eight_bits(rng: np.random.Generator) -> NDArray[np.float64]:
     [
         (structured_light, "structured_light"),
         (realsense, "stereo"),
+        (coarse_realsense, "stereo"),
         (zed, "stereo"),
         (azure_kinect, "time_of_flight"),
         (at_a_wall, "time_of_flight"),
@@ -102,7 +109,7 @@ def test_a_camera_by_name(tmp_path: Path) -> None:
     assert taken == CAMERAS["azure_kinect"]
     own, _ = SensorsConfig(depth_camera="zed", projector_baseline=0.063).of_camera(None)
     assert own.projector_baseline == 0.063
-    assert own.top_widening_sigma_px == 0.6
+    assert own.top_widening_px == CAMERAS["zed"]["top_widening_px"]
     assert SensorsConfig().of_camera("structured_light") == (SensorsConfig(), {})
     config = load_config(overrides=["sensors.depth_camera=oak"])
     assert config.sensors.depth_camera == "oak"
