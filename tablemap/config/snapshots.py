@@ -24,7 +24,7 @@ class SnapshotsConfig(Section):
         "`maximum`, of which there are no more",
     )
     images_per_stop: int = Field(
-        default=10,
+        default=5,
         ge=1,
         description="images; the most that are combined at one stop. Higher: less noise, more time",
     )
