@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from tablemap import palette
 from tablemap.geometry import Floats, Pose2
@@ -142,9 +143,13 @@ def _log_at_stops(
             sequence = sequences[key]
             _log_pair(stream, eye, key, sequence, named.get(key), poses[key[1]], sequence.poses[-1])
     for key in known[:1]:
-        for step, pose in enumerate(sequences[key].poses):
+        first, *others = sequences[key].poses
+        stream.at_iteration(0)
+        _log_pair(stream, eye, key, sequences[key], named.get(key), poses[key[1]], first)
+        for step, pose in enumerate(others, start=1):
             stream.at_iteration(step)
-            _log_pair(stream, eye, key, sequences[key], named.get(key), poses[key[1]], pose)
+            moved = poses[key[1]] @ pose
+            _log_cloud(stream, "after", moved.apply(sequences[key].source), _tint(named.get(key)))
     stream.hold()
 
 
@@ -177,15 +182,22 @@ def _log_pair(
         ("before", begun.apply(sequence.source), palette.LOCALISED.on_dark),
         ("after", moved.apply(sequence.source), _tint(pair)),
     ):
-        few = points[:: max(1, -(-len(points) // MOST_JUDGED))].astype(np.float32)
-        stream.log(
-            f"registration/pair_at_stop/{entity}",
-            rr.Points3D(few, colors=[tint], radii=rr.Radius.ui_points(2.0)),
-        )
-        room.take_points(few)
+        room.take_points(_log_cloud(stream, entity, points, tint))
     name = text.pair_told(key, pair)
     place = room.place(name, np.array(eye.target), away=np.array([0.0, -1.0]))
     stream.names("registration/pair_at_stop/names", [place], [name])
+
+
+def _log_cloud(
+    stream: Stream, entity: str, points: Floats, tint: palette.Colour
+) -> NDArray[np.float32]:
+    """Log one of a pair's clouds (n, 3) in the map; return the points that are drawn."""
+    few = points[:: max(1, -(-len(points) // MOST_JUDGED))].astype(np.float32)
+    stream.log(
+        f"registration/pair_at_stop/{entity}",
+        rr.Points3D(few, colors=[tint], radii=rr.Radius.ui_points(2.0)),
+    )
+    return few
 
 
 def _empty_pair(stream: Stream) -> None:

@@ -120,7 +120,7 @@ class Reduction:
             else:
                 colour = CompressedImage(colour.stamp_ns, colour.frame_id, "jpeg", jpeg)
         held: dict[str, Any] = {"depth": image, "depth_message": depth, "colour_message": colour}
-        return replace(snapshot, **held)
+        return replace(snapshot, **held, recorded_noise=None)
 
 
 def _slim(one: Any, kept: tuple[str, ...]) -> Any:
@@ -136,14 +136,14 @@ def _slim(one: Any, kept: tuple[str, ...]) -> Any:
 
 def _poses(recording: Recording, stamps_ns: Ints) -> tuple[Floats, Floats]:
     """Return the base's poses (n, 4, 4) in the fixed frame and in that of the wheels, or nan."""
-    nothing = np.full((4, 4), np.nan)
-    fixed, odom = [], []
-    for stamp in stamps_ns.tolist():
-        found = recording.fixed_from_base(stamp)
-        fixed.append(nothing if found is None else found)
-        found = recording.odom_from_base(stamp) if recording.names.odom else None
-        odom.append(nothing if found is None else found)
-    return np.array(fixed).reshape(-1, 4, 4), np.array(odom).reshape(-1, 4, 4)
+    fixed, odom = (
+        np.where(known[:, None, None], poses, np.nan)
+        for poses, known in (
+            recording.fixed_from_bases(stamps_ns),
+            recording.odom_from_bases(stamps_ns),
+        )
+    )
+    return fixed, odom
 
 
 def _frames(recording: Recording) -> RecordedFrames:
