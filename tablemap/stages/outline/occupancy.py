@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
+from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter, uniform_filter
 
 from tablemap.config import OutlineConfig
 from tablemap.geometry import Bools, Floats
@@ -169,14 +169,21 @@ def _bend(height: Floats32, top: Bools) -> Floats32:
     """
     inner = inner_part(top)
     inner &= np.isfinite(height)
-    weight = gaussian_filter(inner.astype(np.float32), _BEND_PX, truncate=3.0)
-    total = gaussian_filter(np.where(inner, height, np.float32(0)), _BEND_PX, truncate=3.0)
+    weight = _wide(inner.astype(np.float32))
+    total = _wide(np.where(inner, height, np.float32(0)))
     bend = np.zeros_like(height)
     np.divide(total, weight, out=bend, where=weight > _LEAST_WEIGHT)
     return np.clip(bend, -_MOST_BEND_M, _MOST_BEND_M)
 
 
-_BEND_PX = 12.0  # sigma: wide against noise, narrow against bends
+def _wide(image: Floats32) -> Floats32:
+    """Smooth by three boxes: nearly a Gaussian of 12 pixels, in a third of its time."""
+    for _ in range(3):
+        image = uniform_filter(image, _BEND_PX)
+    return image
+
+
+_BEND_PX = 25  # wide against noise, narrow against bends
 _LEAST_WEIGHT = 1e-3
 _MOST_BEND_M = 0.004  # more is no bend, but a thing on the top
 
