@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 
 from tablemap.config import SurfaceConfig
 from tablemap.geometry import Floats
@@ -120,8 +121,13 @@ def dispersion_of(fit: JointFit) -> float:
 def contradicting_cells(outline: Floats, evidence: Evidence, config: SurfaceConfig) -> int:
     """Count cells seen as top beyond the outline, or seen through within it."""
     margin = max(config.cell_margin, 2.0 * evidence.pose_sigma)
-    beyond = signed_distance(evidence.top, outline) > margin
-    within = signed_distance(evidence.free, outline) < -margin
+    region = shapely.Polygon(outline)
+    shapely.prepare(region)
+    # Most cells of the top lie inside, most others outside: their distances do not matter.
+    outside = evidence.top[~shapely.contains_xy(region, evidence.top)]
+    inside = evidence.free[shapely.contains_xy(region, evidence.free)]
+    beyond = signed_distance(outside, outline) > margin
+    within = signed_distance(inside, outline) < -margin
     return int(beyond.sum() + within.sum())
 
 
