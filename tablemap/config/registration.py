@@ -11,7 +11,7 @@ class RegistrationConfig(Section):
     """Pairwise ICP, pose graph and joint polish."""
 
     stop_scans: int = Field(
-        default=120,
+        default=40,
         ge=1,
         description="scans; the most that are combined at one stop. Higher: less noise, more "
         "memory",

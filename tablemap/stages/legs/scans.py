@@ -11,7 +11,7 @@ from tablemap.config import LegsConfig
 from tablemap.geometry import Bools, Floats, Ints, Pose2
 from tablemap.recording import Recording
 from tablemap.recording.messages import LaserScan
-from tablemap.stages.odometry import Trajectory, combine_beams
+from tablemap.stages.odometry import Trajectory, combine_beams, thinned
 from tablemap.stages.registration import Registration
 from tablemap.stages.snapshots import Snapshot
 
@@ -79,7 +79,7 @@ def gather_scans(
     owner: dict[int, int] = {}
     for number, (_, _, index) in enumerate(stops, start=1):
         its = stamps_ns[standing & (before == number)]
-        owner |= dict.fromkeys(_thinned(its, config.stop_scans).tolist(), index)
+        owner |= dict.fromkeys(thinned(its, config.stop_scans).tolist(), index)
     moving = _of_drives(stamps_ns[~standing], trajectory, centre, config.moving_scans)
     drive_of = dict(zip(stamps_ns.tolist(), before.tolist(), strict=True))
     drives: list[tuple[LaserScan, Pose2, int]] = []
@@ -148,14 +148,6 @@ class _Stop:
         lost = np.isinf(stack).mean(axis=0) >= 0.5
         ranges = np.where(beams.seen, beams.mean, np.where(lost, np.inf, np.nan))
         return ranges, noise / float(np.sqrt(len(stack)))
-
-
-def _thinned(stamps_ns: Ints, most: int) -> Ints:
-    """Return at most ``most`` stamps: all, every second, every fourth, and so on."""
-    every = 1
-    while -(-len(stamps_ns) // every) > most:
-        every *= 2
-    return stamps_ns[::every]
 
 
 def _of_drives(stamps_ns: Ints, trajectory: Trajectory, centre: Floats, most: int) -> Ints:

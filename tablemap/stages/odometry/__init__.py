@@ -3,7 +3,12 @@
 from tablemap.stages.odometry.lines import fit_windows
 from tablemap.stages.odometry.result import Odometry, OdometryMap, OdometryScan
 from tablemap.stages.odometry.stage import estimate_odometry
-from tablemap.stages.odometry.sweep import combine_beams, points_in_base, sweep_motion
+from tablemap.stages.odometry.sweep import (
+    combine_beams,
+    points_in_base,
+    sweep_motion,
+    thinned,
+)
 from tablemap.stages.odometry.trajectory import Trajectory
 
 __all__ = [
@@ -16,4 +21,5 @@ __all__ = [
     "fit_windows",
     "points_in_base",
     "sweep_motion",
+    "thinned",
 ]

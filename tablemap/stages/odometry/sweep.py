@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tablemap.geometry import Bools, Floats, Pose2, transform
+from tablemap.geometry import Bools, Floats, Ints, Pose2, transform
 from tablemap.recording.messages import LaserScan
 
 # Ranges of a stop's beam farther from their median (metres) hit another thing: a person, an edge.
@@ -78,6 +78,14 @@ def sweep_window(scan: LaserScan) -> tuple[int, int] | None:
 def _span(duration: float) -> float:
     # The recorded poses lie further apart in time than a sweep: a longer interval is more stable.
     return max(duration, 0.1)
+
+
+def thinned(stamps_ns: Ints, most: int) -> Ints:
+    """Return at most ``most`` stamps: all, every second, every fourth, and so on."""
+    every = 1
+    while -(-len(stamps_ns) // every) > most:
+        every *= 2
+    return stamps_ns[::every]
 
 
 @dataclass(frozen=True, eq=False)

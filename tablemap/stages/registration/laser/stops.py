@@ -9,7 +9,13 @@ import numpy as np
 from tablemap.geometry import Floats, Pose2
 from tablemap.recording import Recording
 from tablemap.recording.messages import LaserScan
-from tablemap.stages.odometry import Trajectory, combine_beams, points_in_base, sweep_motion
+from tablemap.stages.odometry import (
+    Trajectory,
+    combine_beams,
+    points_in_base,
+    sweep_motion,
+    thinned,
+)
 from tablemap.stages.registration.laser.normals import planar_normals
 from tablemap.stages.registration.result import StopScan
 from tablemap.stages.snapshots import Snapshot
@@ -59,15 +65,13 @@ def _standing_scans(
     recording: Recording, snapshot: Snapshot, trajectory: Trajectory, most_scans: int
 ) -> list[LaserScan]:
     at_stamp = trajectory.at(snapshot.stamp_ns)
+    stamps = recording.scan_stamps()
+    during = stamps[(stamps >= snapshot.start_ns) & (stamps <= snapshot.end_ns)]
     standing: list[LaserScan] = []
-    every = 1
-    for count, scan in enumerate(recording.scans(snapshot.start_ns, snapshot.end_ns)):
+    for scan in recording.scans(stamps_ns=thinned(during, most_scans)):
         moved = at_stamp.inverse() @ trajectory.at(scan.stamp_ns)
-        if count % every or np.hypot(moved.x, moved.y) > _STILL or abs(moved.yaw) > _STILL:
-            continue
-        standing.append(scan)
-        if len(standing) > most_scans:
-            standing, every = standing[::2], every * 2
+        if np.hypot(moved.x, moved.y) <= _STILL and abs(moved.yaw) <= _STILL:
+            standing.append(scan)
     layouts = Counter(_layout(scan) for scan in standing)
     if not layouts:
         return []
