@@ -139,6 +139,9 @@ WARNING_CODES: dict[str, str] = {
         "A surface touches the table at its height; it was removed, as it has legs of its own."
     ),
     "accuracy.two_tables": "The legs stand like those of two tables that were pushed together.",
+    "accuracy.views_disagree": (
+        "The views' edges fit together only with errors larger than is believed."
+    ),
     "accuracy.votes_contradict": ("Top was seen outside the outline, or free space inside it."),
     "crosscheck.mounting": (
         "Camera and laser disagree by more than 5 mm: TF has a wrong pose of one of them."

@@ -12,6 +12,7 @@ from tablemap.stages.surface.candidates import Candidate
 from tablemap.stages.surface.choice import contradicting_cells
 from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.inner import inner_edges
+from tablemap.stages.surface.joint import strain_of
 from tablemap.stages.surface.result import FittedFigure, Primitive, SurfaceEdge
 from tablemap.stages.surface.shapes.shape import signed_distance
 from tablemap.stages.surface.shapes.sides import INFERRED, MEASURED, UNSEEN
@@ -64,6 +65,16 @@ def doubts(
                 "as their sigmas say.",
             )
         )
+    source, strain = strain_of(chosen.fit, evidence)
+    if strain > _STRAINED:
+        found.append(
+            (
+                "accuracy.views_disagree",
+                "The edges of the views fit together only with errors of the "
+                f"{_ERRORS.get(source, source)} {strain:.1f} times as large as is believed of "
+                "them; the table may have been moved during the drive, or a view's pose is wrong.",
+            )
+        )
     cells = contradicting_cells(chosen.fit.shape.outline(), evidence, config)
     if cells * evidence.cell**2 > 0.02:
         found.append(
@@ -82,6 +93,10 @@ def doubts(
             )
         )
     return [ProcessWarning(code, "surface", message) for code, message in found]
+
+
+_STRAINED = 1.15  # where views fit together it is 0.1 to 0.9
+_ERRORS = {"poses": "places", "depth": "cameras' heights", "tilt": "cameras' tilts"}
 
 
 def _partly_seen(

@@ -189,13 +189,32 @@ def spread_of(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> Sprea
     return Spread(covariance, float(np.sqrt(max(float(with_scale[scale]), 1e-18))))
 
 
+def strain_of(fit: JointFit, evidence: Evidence) -> tuple[str, float]:
+    """Return which corrections of the views are largest, and how large by what is believed of them.
+
+    The name is a part of a budget. The size is the RMS of the corrections in units of their prior
+    sigmas: well below 1 where the edges of all views fit together.
+    """
+    sources = np.array(evidence.prior_sources)
+    sizes = {
+        str(name): float(np.sqrt(np.mean(fit.state.whitened[sources == name] ** 2)))
+        for name in np.unique(sources)
+    }
+    name = max(sizes, key=sizes.__getitem__, default="")
+    return name, sizes.get(name, 0.0)
+
+
 def information_of(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> Floats:
-    """Return the information matrix at a fit: shape, common nuisances, the views' corrections."""
+    """Return the information matrix at a fit: shape, common nuisances, the views' corrections.
+
+    If the views' corrections are larger than is believed of them, all is less certain by as much
+    (Birge's ratio).
+    """
     held = _hold(fit.state, evidence, config, config.loss_sigmas, fit.anchors, fit.noise)
     hessian, _ = _equations(held, evidence, config.loss_sigmas, fit.anchors, fit.noise)
     at = np.arange(len(fit.shape.parameters))
     hessian[at, at] += _RIDGE
-    return hessian
+    return hessian / max(strain_of(fit, evidence)[1], 1.0) ** 2
 
 
 # The fit stops at a smaller gain in cost: a tenth of a standard deviation.

@@ -220,6 +220,31 @@ def test_an_unseen_side_is_not_called_measured() -> None:
     assert "unseen" in {edge.status for edge in surface.edges}
 
 
+@pytest.mark.parametrize("name", ["rectangle", "circle", "L"])
+def test_a_table_that_was_moved_half_way_is_doubted(name: str) -> None:
+    """Half of the views see it 25 mm elsewhere: said, and the sigmas admit it; all alike: not."""
+    table = TABLES[name]
+    outline, registration = observe(table, Bench(), np.random.default_rng(2))
+    step = np.array([0.02, 0.015])
+    views = []
+    for view in outline.views:
+        shift = registration.map_from_base[view.index].rotation.T @ step
+        late = view.index >= len(outline.views) // 2
+        views.append(replace(view, points=view.points + shift) if late else view)
+    kept, moved = (
+        fit_surface(each, registration, config=SurfaceConfig(), sensors=SENSORS, seed=0)
+        for each in (outline, replace(outline, views=tuple(views)))
+    )
+    codes = [{warning.code for warning in surface.warnings} for surface in (kept, moved)]
+    assert "accuracy.views_disagree" not in codes[0]
+    assert "accuracy.views_disagree" in codes[1]
+    for key, truth in table.dimensions.items():
+        figure = moved.dimensions.get(key)
+        if figure is not None and figure.sigma is not None:
+            assert figure.sigma > 1.1 * (kept.dimensions[key].sigma or 0.0)
+            assert abs(figure.value - truth) < 3 * figure.sigma
+
+
 def test_strays_do_not_place_a_side_that_was_not_seen() -> None:
     """A few points beside the corners, 8 cm inside: the side stays where the last top was seen."""
     table = box_table(1.2, 0.8, Pose2())
