@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from collections.abc import Callable, Mapping
@@ -65,6 +66,15 @@ def without_pydantic_plugins() -> None:
     For its first model it would read what every installed package offers.
     """
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")
+
+
+def collect_rarely() -> None:
+    """Let this program's process look less often for objects that hold each other.
+
+    A run makes few of them. Python looks after every 700 new objects, most of which are there to
+    stay: modules, and what a run has found.
+    """
+    gc.set_threshold(10_000)
 
 
 class _HidesPandas:

@@ -12,7 +12,7 @@ import typer
 from tablemap.cli.commands import Commands, Debug, show_tracebacks
 from tablemap.cli.printing import complain, say
 from tablemap.errors import ConfigError, TablemapError
-from tablemap.imports import hide_pandas, without_pydantic_plugins
+from tablemap.imports import collect_rarely, hide_pandas, without_pydantic_plugins
 from tablemap.interrupts import Interrupts
 from tablemap.version import __version__
 
@@ -35,6 +35,7 @@ def main() -> None:
     """Run the command line; turn an error into one sentence and an exit code."""
     hide_pandas()
     without_pydantic_plugins()
+    collect_rarely()
     interrupts = Interrupts(grace_seconds=GRACE_SECONDS)
     interrupts.listen()
     try:
