@@ -129,6 +129,9 @@ WARNING_CODES: dict[str, str] = {
     "accuracy.poor_fit": (
         "The edge points scatter far more about the chosen outline than their sigma says."
     ),
+    "accuracy.outline": (
+        "Over centimetres the top's edge is off the chosen outline: its shape is not on the list."
+    ),
     "accuracy.inner_edge": (
         "There is an edge inside the outline: two surfaces may have been taken for one top."
     ),

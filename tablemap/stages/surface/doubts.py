@@ -10,6 +10,7 @@ from tablemap.config import SurfaceConfig
 from tablemap.errors import ProcessWarning
 from tablemap.stages.surface.candidates import Candidate
 from tablemap.stages.surface.choice import contradicting_cells
+from tablemap.stages.surface.departures import Departure
 from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.inner import inner_edges
 from tablemap.stages.surface.joint import strain_of
@@ -25,6 +26,7 @@ def doubts(
     primitives: list[Primitive],
     edges: tuple[SurfaceEdge, ...],
     figures: dict[str, FittedFigure],
+    away: Sequence[Departure],
     evidence: Evidence,
     config: SurfaceConfig,
 ) -> list[ProcessWarning]:
@@ -75,6 +77,7 @@ def doubts(
                 "them; the table may have been moved during the drive, or a view's pose is wrong.",
             )
         )
+    found += _not_followed(chosen, away, evidence)
     cells = contradicting_cells(chosen.fit.shape.outline(), evidence, config)
     if cells * evidence.cell**2 > 0.02:
         found.append(
@@ -97,6 +100,26 @@ def doubts(
 
 _STRAINED = 1.15  # where views fit together it is 0.1 to 0.9
 _ERRORS = {"poses": "places", "depth": "cameras' heights", "tilt": "cameras' tilts"}
+
+
+def _not_followed(
+    chosen: Candidate, away: Sequence[Departure], evidence: Evidence
+) -> list[tuple[str, str]]:
+    """Warn of an edge that does not follow the outline: how far off, how long, and where."""
+    if not away:
+        return []
+    worst = max(away, key=lambda departure: abs(departure.farthest))
+    x, y = worst.place + evidence.origin
+    length = sum(departure.length for departure in away)
+    where = "outside" if worst.farthest > 0 else "inside"
+    return [
+        (
+            "accuracy.outline",
+            f"Along {length:.2f} m, the top's edge does not follow the {chosen.name}: it lies up "
+            f"to {1e3 * abs(worst.farthest):.0f} mm {where} the outline, farthest at "
+            f"({x:.2f}, {y:.2f}) in the map.",
+        )
+    ]
 
 
 def _partly_seen(

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import shapely
 
 from tablemap.config import SensorsConfig, SurfaceConfig
 from tablemap.errors import EstimationError
@@ -15,6 +16,7 @@ from tablemap.stages.registration import Registration
 from tablemap.stages.surface.budget import budget_of
 from tablemap.stages.surface.candidates import Candidate, fit_candidates, hull_of, refit_candidates
 from tablemap.stages.surface.choice import weights
+from tablemap.stages.surface.departures import Departure, departures
 from tablemap.stages.surface.doubts import doubts
 from tablemap.stages.surface.evidence import Evidence, gather
 from tablemap.stages.surface.joint import JointFit, corrected_poses
@@ -63,8 +65,9 @@ def fit_surface(
         _primitive(candidate, score, evidence, config)
         for candidate, score in zip(standing + fallen, scores + [0.0] * len(fallen), strict=True)
     ]
-    figures, radius = _budgeted(chosen, standing, scores, evidence, config)
-    edges = _edges(chosen, evidence, config)
+    away = [] if chosen.is_hull else departures(chosen.fit, evidence)
+    figures, radius = _budgeted(chosen, standing, scores, away, evidence, config)
+    edges = _edges(chosen, away, evidence, config)
     relative = _pose_covariance(chosen)
     return Surface(
         shape=chosen.name,
@@ -92,7 +95,7 @@ def fit_surface(
         hull=hull_of(evidence, chosen.fit.points[chosen.fit.misfit < 5]) + evidence.origin,
         warnings=(
             *warnings,
-            *doubts(chosen, primitives, edges, figures, evidence, config),
+            *doubts(chosen, primitives, edges, figures, away, evidence, config),
         ),
         beside=outline.beside,
         states=tuple(c.fit.state for c in candidates if not c.is_hull),
@@ -181,13 +184,15 @@ def _budgeted(
     chosen: Candidate,
     standing: Sequence[Candidate],
     scores: Sequence[float],
+    away: Sequence[Departure],
     evidence: Evidence,
     config: SurfaceConfig,
 ) -> tuple[dict[str, FittedFigure], FittedFigure | None]:
     """Return the figures of the chosen shape with the parts of their variance.
 
-    Two parts are added that the fit's covariance lacks: other shapes that explain the edges nearly
-    as well have other dimensions, and a partly seen side may bend where it was not seen.
+    Three parts are added that the fit's covariance lacks: other shapes that explain the edges
+    nearly as well have other dimensions; a figure of a shape that the edge does not follow is as
+    uncertain as the edge is far from it; and a partly seen side may bend where it was not seen.
     """
     figures, radius = _figures(chosen, evidence, config)
     if not figures:
@@ -214,10 +219,16 @@ def _budgeted(
             for score, values in alternatives
             if name in values
         )
+        if away and name != fit.shape.record.angle:
+            parts["shape"] += _mean_square(away)
         parts["share"] = share if name != fit.shape.record.angle else 0.0
         sigma = float(np.sqrt(sum(parts.values())))
         result[name] = replace(figure, sigma=sigma, budget=parts)
     return result, radius
+
+
+def _mean_square(away: Sequence[Departure]) -> float:
+    return float(np.mean(np.concatenate([departure.offsets for departure in away]) ** 2))
 
 
 _HIDDEN_M = 0.0005  # metres: bend of an unseen part that is as long as the seen part
@@ -267,22 +278,33 @@ def _in_map(
 
 
 def _edges(
-    candidate: Candidate, evidence: Evidence, config: SurfaceConfig
+    candidate: Candidate,
+    away: Sequence[Departure],
+    evidence: Evidence,
+    config: SurfaceConfig,
 ) -> tuple[SurfaceEdge, ...]:
     fit = candidate.fit
     seen = sights(fit, evidence)
     status = fit.shape.side_statuses(own_statuses(seen, config))
     unbounded = {anchor.side for anchor in fit.anchors if not anchor.is_bounded}
     systematic = config.dimension_systematic
+    pieces = fit.shape.pieces()
+    lines = [shapely.LineString(piece) for piece in pieces]
+    departing: dict[int, list[Departure]] = {}
+    for departure in away:
+        middle = shapely.Point(departure.place)
+        nearest = int(np.argmin([line.distance(middle) for line in lines]))
+        departing.setdefault(nearest, []).append(departure)
     edges = []
-    for index, piece in enumerate(fit.shape.pieces()):
+    for index, piece in enumerate(pieces):
         middle = piece[len(piece) // 2] if len(piece) > 2 else piece.mean(axis=0)
         along = piece[-1] - piece[0]
         outward = np.array([along[1], -along[0]]) / max(float(np.linalg.norm(along)), 1e-9)
         row = fit.shape.measure(middle[None], outward[None]).jacobian[0]
-        sigma: float | None = float(
-            np.sqrt(max(row @ candidate.spread.covariance @ row, 0) + systematic**2)
-        )
+        variance = max(row @ candidate.spread.covariance @ row, 0) + systematic**2
+        if index in departing:
+            variance += _mean_square(departing[index])
+        sigma: float | None = float(np.sqrt(variance))
         if candidate.is_hull or index in unbounded:
             sigma = None
         edges.append(

@@ -1,0 +1,65 @@
+"""A shape that the edge does not follow is doubted, and its sigmas admit it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+
+from tablemap.config import SensorsConfig, SurfaceConfig
+from tablemap.geometry import Pose2
+from tablemap.stages.surface import Surface, fit_surface
+from tests.making.edges import Bench, Table, box_table, observe, polygon_table, rounded_table
+
+POSE = Pose2(0.31, -0.22, 0.37)
+
+
+def _barrel(bow: float) -> Table:
+    """Make a table of 1.6 m by 0.85 m, whose long sides bow out in the middle."""
+    x = np.linspace(-0.8, 0.8, 40)
+    y = 0.425 + bow * (1 - (x / 0.8) ** 2)
+    return polygon_table([*zip(x, -y, strict=True), *zip(x[::-1], y[::-1], strict=True)], POSE)
+
+
+def _school_table(radius: float) -> Table:
+    """Make a trapezoid with rounded corners."""
+    sharp = shapely.Polygon([(-0.7, -0.35), (0.7, -0.35), (0.35, 0.35), (-0.35, 0.35)])
+    soft = sharp.buffer(-radius, join_style="mitre").buffer(radius, quad_segs=16)
+    return polygon_table([*shapely.orient_polygons(soft).exterior.coords][:-1], POSE)
+
+
+def _fit(table: Table, seed: int) -> Surface:
+    outline, registration = observe(table, Bench(), np.random.default_rng(seed))
+    config, sensors = SurfaceConfig(), SensorsConfig()
+    return fit_surface(outline, registration, config=config, sensors=sensors, seed=0)
+
+
+def _codes(surface: Surface) -> set[str]:
+    return {warning.code for warning in surface.warnings}
+
+
+def test_sides_that_bow_are_doubted() -> None:
+    """Long sides bow by 4 cm: the warning says how far and where, and the sigmas reach it."""
+    table = _barrel(0.04)
+    surface = _fit(table, 3)
+    (warning,) = [w for w in surface.warnings if w.code == "accuracy.outline"]
+    assert "mm" in warning.message
+    assert "in the map" in warning.message
+    assert max(edge.sigma or 0.0 for edge in surface.edges) > 0.005
+    for figure in surface.dimensions.values():
+        assert figure.sigma is not None
+        assert figure.budget is not None
+        assert figure.budget["shape"] > 0.004**2
+        assert figure.sigma**2 == pytest.approx(sum(figure.budget.values()))
+
+
+def test_round_corners_of_a_polygon_are_doubted() -> None:
+    """Polygons have sharp corners: the points that the robust loss discards show the rounding."""
+    assert "accuracy.outline" in _codes(_fit(_school_table(0.06), 3))
+
+
+@pytest.mark.parametrize("seed", [3, 4, 5])
+def test_right_shapes_are_not_doubted(seed: int) -> None:
+    """Noise, misplaced views, strays and occluders leave no stretch where all views agree."""
+    for table in (box_table(1.2, 0.8, POSE), rounded_table(1.0, 0.6, 0.08, POSE)):
+        assert "accuracy.outline" not in _codes(_fit(table, seed))
