@@ -18,7 +18,7 @@ from tablemap.stages.snapshots.normals import upward_share
 
 STRIDE_PX = 2
 BLOCK_PX = 32  # errors of neighbouring pixels are correlated: a block of this side counts once
-MOST_FLOOR, MOST_TOP = 12_000, 8_000
+MOST_FLOOR, MOST_TOP = 24_000, 16_000
 LEAST_UPWARD = np.cos(np.deg2rad(25.0))
 UNEVEN_M = 0.002  # floors are flat to about this
 TOP_UNEVEN_M = 0.001

@@ -183,7 +183,7 @@ def _wide(image: Floats32) -> Floats32:
     return image
 
 
-_BEND_PX = 25  # wide against noise, narrow against bends
+_BEND_PX = 24  # wide against noise, narrow against bends
 _LEAST_WEIGHT = 1e-3
 _MOST_BEND_M = 0.004  # more is no bend, but a thing on the top
 
