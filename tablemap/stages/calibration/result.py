@@ -25,6 +25,7 @@ class TopBelief:
         as far as these are a lean of the base
     view_shift: of a single view's camera along its base, metres, whatever its pitch
     is_held: whether the camera was held by a hand
+    sag: metres that the top's middle lies above its rim, negative where it sags; and its sigma
     """
 
     covariance: Floats
@@ -33,6 +34,7 @@ class TopBelief:
     lean: tuple[float, float]
     view_shift: float
     is_held: bool
+    sag: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,4 +149,7 @@ class Calibration:
             lean=(by_roll * camera, by_pitch * camera),
             view_shift=float(camera * pitches * np.sqrt(by_pitch * (1 - by_pitch))),
             is_held=self.beliefs.common.lean_x > 0,
+            sag=(self.adjustment.common.sag, self.adjustment.sigma("sag"))
+            if self.sees_top
+            else (0.0, 0.0),
         )

@@ -27,7 +27,7 @@ PARTS: dict[str, str] = {
     "focal": "focal length",
     "mount": "place and heading of the camera in the base",
     "rim": "where near and far edges lie at the rim",
-    "level": "slope of the top",
+    "level": "slope and sag of the top",
     "shape": "other shapes that explain the edges nearly as well; an edge that is off the outline",
     "share": "sides that were seen in part",
     "other": "what no residual can tell",
@@ -47,6 +47,7 @@ _COMMON = {
     "set_back": "rim",
     "slope_x": "level",
     "slope_y": "level",
+    "sag": "level",
     "stretch": "drive_scale",
 }
 

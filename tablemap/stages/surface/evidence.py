@@ -43,6 +43,7 @@ class Evidence:
     spread: (n, 3), metres, the places of the snapshots from their middle; 0 for the yaw
     prior_root: (n * ViewCorrections.COUNT, m), maps m independent unit normals to corrections
     prior_sources: (m,), what each of these stands for, as `budget.PARTS` names it
+    bulge: (N,), rise of a point with a sag of one: that of a parabola with mean 0 over the top
     top, free: (c, 2), centres of cells of ``cell`` metres
     spacing_px: typical distance between neighbouring edge points of a view, pixels
     correlation_px: least and largest length along an edge over which errors are alike, pixels
@@ -61,6 +62,7 @@ class Evidence:
     view: Ints
     is_near: Bools
     widening: Floats
+    bulge: Floats
     poses: Floats
     spread: Floats
     prior_root: Floats
@@ -102,6 +104,7 @@ class Evidence:
             view=self.view[chosen],
             is_near=self.is_near[chosen],
             widening=self.widening[chosen],
+            bulge=self.bulge[chosen],
             view_slices=tuple(
                 slice(int(e) - len(part), int(e)) for e, part in zip(ends, kept, strict=True)
             ),
@@ -179,6 +182,7 @@ def gather(
         view=index,
         is_near=near.astype(bool),
         widening=widening,
+        bulge=_bulge(place(in_base, index, poses), top),
         poses=poses,
         spread=(poses - poses.mean(axis=0)) * (1.0, 1.0, 0.0),
         prior_root=root,
@@ -198,6 +202,23 @@ def gather(
         skew_sigma=skew_sigma(registration, poses),
     )
     return evidence, tuple(warnings)
+
+
+def _bulge(points: Floats, top: Floats) -> Floats:
+    """Return the calibration's parabola (`LevelSamples.bulge`) at points (N, 2).
+
+    It has its vertex amid the cells that were seen as top.
+    """
+    if len(top) < _LEAST_CELLS:
+        return np.zeros(len(points))
+    middle = np.median(top, axis=0)
+    squared = np.sum((top - middle) ** 2, axis=1)
+    own = np.sum((points - middle) ** 2, axis=1)
+    reach = float(np.percentile(squared, 98))
+    return np.asarray((squared.mean() - np.minimum(own, 1.5 * reach)) / reach)
+
+
+_LEAST_CELLS = 20
 
 
 def _correlation(

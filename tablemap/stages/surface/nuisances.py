@@ -26,6 +26,7 @@ class CommonNuisances:
     shift_x, shift_y: shift of the camera in the base, metres
     set_back: distance of far edges inward from the outline, metres
     slope_x, slope_y: slope of the top in the map
+    sag: how much higher the top's middle lies than its rim, metres
     stretch: how much farther the views' poses are from their middle, a share
     """
 
@@ -41,6 +42,7 @@ class CommonNuisances:
     set_back: float = 0.0
     slope_x: float = 0.0
     slope_y: float = 0.0
+    sag: float = 0.0
     stretch: float = 0.0
 
     COUNT: ClassVar[int]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from tablemap.config import SensorsConfig, SurfaceConfig
@@ -70,14 +72,19 @@ def common_prior(
         set_back=max(set_back, 1e-6),
         slope_x=_TOP_SLOPE,
         slope_y=_TOP_SLOPE,
+        sag=_TOP_SAG,
         stretch=max(stretch, 1e-6),
     )
+    sag = 0.0
+    if camera is not None:
+        sag = camera.sag[0]
+        sigmas = replace(sigmas, sag=float(np.hypot(_TOP_SAG, camera.sag[1])))
     covariance = np.diag(sigmas.pack() ** 2)
     if camera is not None:
         at = [CommonNuisances.place(name) for name in ("scale", "roll", "pitch")]
         covariance[np.ix_(at, at)] = camera.covariance[1:, 1:] + np.diag([1e-12] * 3)
     precision: Floats = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
-    mean = CommonNuisances(widening=widening).pack()
+    mean = CommonNuisances(widening=widening, sag=sag).pack()
     if mounting is not None:
         seen = np.zeros((4, CommonNuisances.COUNT))
         for row, name in enumerate(("shift_x", "shift_y", "yaw", "stretch")):
@@ -121,6 +128,7 @@ def _widening(mounting: Mounting | None, sensors: SensorsConfig) -> tuple[float,
 
 
 _CLEAR = 2.0  # sigmas
+_TOP_SAG = 0.0005  # metres (sigma): no top sags just as the calibration's parabola
 _TOP_SLOPE = np.deg2rad(0.1)  # sigma of the top's slope, after the calibration by floor and top
 
 

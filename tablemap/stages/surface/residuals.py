@@ -109,8 +109,9 @@ def observe(
     outward = common.widening * evidence.widening + np.where(
         evidence.is_near, common.near_bias * evidence.sigma, -common.set_back
     )
-    # A sloping top is nearer to the camera, or farther, by its rise at the point.
+    # A sloping or sagging top is nearer to the camera, or farther, by its rise at the point.
     rise = evidence.points @ np.array([common.slope_x, common.slope_y])
+    rise += common.sag * evidence.bulge
     local = evidence.in_base + (scale - rise / evidence.drop)[:, None] * moved.scale
     local += (common.roll + correction.roll)[view, None] * moved.roll
     local += (common.pitch + correction.pitch)[view, None] * moved.pitch
@@ -194,6 +195,7 @@ def linearise(
         set_back=np.where(evidence.is_near, 0.0, seen.facing),
         slope_x=by_slope[0],
         slope_y=by_slope[1],
+        sag=-by_lever / evidence.drop * evidence.bulge,
         stretch=np.einsum("ij,ij->i", normal, evidence.spread[evidence.view, :2]),
     )
     by_view = ViewCorrections.stack(
