@@ -90,6 +90,9 @@ WARNING_CODES: dict[str, str] = {
     "accuracy.calibration": (
         "By the floor, the camera's tilt or depth scale is implausible; it was left as recorded."
     ),
+    "accuracy.floor_step": (
+        "The floor under the table is higher or lower than around it; the height is between them."
+    ),
     "accuracy.floor_level": (
         "The floor lies centimetres above or below the base: lens, depth scale or TF are wrong."
     ),

@@ -16,7 +16,7 @@ from tablemap.events import OtherTable, Record, StageFinished, StageStarted, ign
 from tablemap.model import TableModel
 from tablemap.recording import Recording
 from tablemap.stages.assembly import Findings, assemble
-from tablemap.stages.calibration import Calibration, calibrate, flatten
+from tablemap.stages.calibration import Calibration, calibrate, find_step, flatten
 from tablemap.stages.crosscheck import admitted_legs, corrected, cross_check
 from tablemap.stages.legs import Legs, find_legs
 from tablemap.stages.legs.adjoining import find_adjoining, without
@@ -222,6 +222,9 @@ def _model(
         # The ends of the top in each view, and the cause of each edge point.
         with stage("outline"):
             outline = edges(segmentation)
+            # Its height refers to the floor: a rug under the table gives that two levels.
+            poses = registration.used_poses
+            outline = outline.on(find_step(snapshots, poses, outline.top_in(poses)))
             record(outline)
 
         # The shape that explains the edges of all views.

@@ -3,5 +3,14 @@
 from tablemap.stages.calibration.levels import SeenTop
 from tablemap.stages.calibration.result import Calibration, TopBelief
 from tablemap.stages.calibration.stage import calibrate, flatten
+from tablemap.stages.calibration.steps import FloorStep, find_step
 
-__all__ = ["Calibration", "SeenTop", "TopBelief", "calibrate", "flatten"]
+__all__ = [
+    "Calibration",
+    "FloorStep",
+    "SeenTop",
+    "TopBelief",
+    "calibrate",
+    "find_step",
+    "flatten",
+]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
@@ -9,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tablemap.errors import ProcessWarning
-from tablemap.geometry import Bools, Floats
-from tablemap.stages.calibration import TopBelief
+from tablemap.geometry import Bools, Floats, Pose2
+from tablemap.stages.calibration import FloorStep, TopBelief
 
 
 class EdgeKind(IntEnum):
@@ -90,6 +91,7 @@ class Outline:
     - ``turns``: radians that the head was turned, by view
     - ``beside``: (n, 2) metres in the map, outline of another surface that touches the table at its
       height and was cut off, None without one
+    - ``floor_step``: a rug or a platform under the table; the height is uncertain by its thickness
     """
 
     views: tuple[ViewEdges, ...]
@@ -104,6 +106,18 @@ class Outline:
     camera: TopBelief | None = None
     turns: dict[int, float] = field(default_factory=dict)
     beside: Floats | None = None
+    floor_step: FloorStep | None = None
+
+    def top_in(self, poses: Mapping[int, Pose2]) -> Floats:
+        """Return places (n, 2) of the top in the map, from the views whose poses are given."""
+        seen = [poses[view.index].apply(view.top) for view in self.views if view.index in poses]
+        return np.concatenate([np.empty((0, 2)), *seen])
+
+    def on(self, step: FloorStep | None) -> Outline:
+        """Return this outline with what is known of the floor about the table."""
+        if step is None:
+            return self
+        return replace(self, floor_step=step, warnings=(*self.warnings, step.warning()))
 
     @property
     def is_dull(self) -> bool:

@@ -202,3 +202,9 @@ class Registration:
     systematic: float
     warnings: tuple[ProcessWarning, ...]
     stretch_sigma: float = 0.0
+
+    @property
+    def used_poses(self) -> dict[int, Pose2]:
+        """The poses whose check passed, by snapshot index; all poses if none passed."""
+        every = enumerate(self.map_from_base)
+        return {index: pose for index, pose in every if self.used[index] or not any(self.used)}

@@ -28,6 +28,7 @@ PARTS: dict[str, str] = {
     "mount": "place and heading of the camera in the base",
     "rim": "where near and far edges lie at the rim",
     "level": "slope and sag of the top",
+    "floor": "a step of the floor: a rug under the table, a platform",
     "shape": "other shapes that explain the edges nearly as well; an edge that is off the outline",
     "share": "sides that were seen in part",
     "other": "what no residual can tell",

@@ -105,18 +105,20 @@ def fit_surface(
 def _height(outline: Outline, chosen: Candidate) -> FittedFigure:
     """Correct the height by the fitted scale: the distance of the top from the camera."""
     camera = outline.camera
+    floor = 0.0 if outline.floor_step is None else outline.floor_step.sigma**2
     if camera is None:
-        return FittedFigure(outline.height, _finite(outline.height_sigma))
+        own = _finite(outline.height_sigma)
+        return FittedFigure(outline.height, None if own is None else float(np.sqrt(own**2 + floor)))
     prior = camera.covariance[:2, :2]
     gain = float(prior[0, 1]) / max(float(prior[1, 1]), 1e-12)
     learnt = gain**2 * max(float(prior[1, 1]) - chosen.spread.scale_sigma**2, 0.0)
     depth = max(float(prior[0, 0]) - learnt, 0.0)
     views = max(outline.height_sigma**2 - float(prior[0, 0]), 0.0)
-    sigma = _finite(float(np.sqrt(depth + views)))
+    sigma = _finite(float(np.sqrt(depth + views + floor)))
     return FittedFigure(
         outline.height + gain * chosen.fit.nuisances.scale,
         sigma,
-        budget=None if sigma is None else {"noise": views, "depth": depth},
+        budget=None if sigma is None else {"noise": views, "depth": depth, "floor": floor},
     )
 
 

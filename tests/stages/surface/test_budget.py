@@ -9,7 +9,8 @@ import pytest
 
 from tablemap.config import SensorsConfig, SurfaceConfig
 from tablemap.geometry import Pose2
-from tablemap.stages.surface import Surface, fit_surface
+from tablemap.stages.calibration import FloorStep, TopBelief
+from tablemap.stages.surface import FittedFigure, Surface, fit_surface
 from tablemap.stages.surface.budget import PARTS
 from tests.making.edges import Bench, box_table, observe
 
@@ -61,3 +62,21 @@ def test_a_side_seen_in_part_costs_its_share() -> None:
         assert before is not None
         if after is not None:
             assert after["share"] > before["share"]
+
+
+def test_a_rug_costs_the_height_half_its_thickness() -> None:
+    """The floor's one level lies somewhere between the rug and what is around it."""
+    outline, registration = observe(TABLE, Bench(), np.random.default_rng(2))
+    camera = TopBelief(np.diag([1e-6] * 4), 0.0, 0.0, (0.0, 0.0), 0.0, is_held=False)
+
+    def height(step: FloorStep | None) -> FittedFigure:
+        found = replace(outline, camera=camera, height_sigma=0.0015).on(step)
+        config, sensors = SurfaceConfig(), SensorsConfig()
+        return fit_surface(found, registration, config=config, sensors=sensors, seed=0).height
+
+    bare, rug = height(None), height(FloorStep(rise=0.012, area=3.0))
+    assert bare.sigma is not None
+    assert rug.sigma is not None
+    assert rug.budget is not None
+    assert rug.budget["floor"] == pytest.approx(0.006**2)
+    assert rug.sigma**2 == pytest.approx(bare.sigma**2 + 0.006**2)
