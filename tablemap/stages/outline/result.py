@@ -92,6 +92,8 @@ class Outline:
     - ``beside``: (n, 2) metres in the map, outline of another surface that touches the table at its
       height and was cut off, None without one
     - ``floor_step``: a rug or a platform under the table; the height is uncertain by its thickness
+    - ``thickness_per_px``: metres that the thickness grows if depth widens what stands before a
+      background by a pixel
     """
 
     views: tuple[ViewEdges, ...]
@@ -107,6 +109,7 @@ class Outline:
     turns: dict[int, float] = field(default_factory=dict)
     beside: Floats | None = None
     floor_step: FloorStep | None = None
+    thickness_per_px: float = 0.0
 
     def top_in(self, poses: Mapping[int, Pose2]) -> Floats:
         """Return places (n, 2) of the top in the map, from the views whose poses are given."""

@@ -95,7 +95,7 @@ def find_edges(
         traced.append(_TracedView(snapshot, plane, occupied, contour))
 
     faces = _faces(traced, height, config, sensors)
-    thickness = joint_thickness(faces, config=config)
+    thickness = joint_thickness(faces, sensors.surface_depth_sigma, config=config)
     rim = None if thickness is None else joint_rim(faces, sensors.surface_depth_sigma)
     labels = {view.index: view.labels for view in used}
     views: list[ViewEdges] = []
@@ -106,7 +106,7 @@ def find_edges(
             item.snapshot,
             plane=item.plane,
             level=height,
-            thickness=None if thickness is None else thickness[0],
+            thickness=None if thickness is None else thickness.value,
             rim=0.0 if rim is None or rim[0] < 3 * rim[1] else rim[0],
             config=config,
             edge_sigma_px=sensors.edge_sigma_px,
@@ -137,8 +137,9 @@ def find_edges(
         height=height,
         height_sigma=height_sigma,
         height_by_view={index: plane.height for index, plane in own.items()},
-        thickness=None if thickness is None else thickness[0],
-        thickness_sigma=None if thickness is None else thickness[1],
+        thickness=None if thickness is None else thickness.value,
+        thickness_sigma=None if thickness is None else thickness.sigma,
+        thickness_per_px=0.0 if thickness is None else thickness.per_px,
         warnings=tuple(warnings),
         rim=None if rim is None else rim[0],
         rim_sigma=None if rim is None else rim[1],

@@ -113,10 +113,26 @@ def face_ends(
     return FaceEnds(drop[has_end], per_px[has_end], passed[has_end], -set_back[plain])
 
 
-def joint_thickness(views: list[FaceEnds], *, config: OutlineConfig) -> tuple[float, float] | None:
-    """Return the thickness and its sigma (metres), or None if the views disagree.
+@dataclass(frozen=True)
+class Thickness:
+    """The height of the side face, as far as it looks like one.
+
+    value, sigma: metres
+    per_px: metres that it grows if depth widens what stands before a background by a pixel
+    """
+
+    value: float
+    sigma: float
+    per_px: float
+
+
+def joint_thickness(
+    views: list[FaceEnds], surface_depth_sigma: float = 0.0, *, config: OutlineConfig
+) -> Thickness | None:
+    """Return the thickness, or None if the views disagree.
 
     Aprons, legs and clutter end elsewhere: more than half of the ends must agree.
+    ``surface_depth_sigma`` (metres) is how unlike the depths of face and top may err.
     """
     drop = np.concatenate([view.drop for view in views]) if views else np.zeros(0)
     if len(drop) < MINIMUM_ENDS:
@@ -135,7 +151,8 @@ def joint_thickness(views: list[FaceEnds], *, config: OutlineConfig) -> tuple[fl
     value = float(np.mean(drop[close]))
     # Ends along an edge are correlated: twenty count as one. A quarter pixel is systematic.
     scatter = float(np.std(drop[close])) / np.sqrt(max(close.sum() / 20, 1.0))
-    return value, float(np.hypot(scatter, 0.25 * resolution))
+    sigma = np.sqrt(scatter**2 + (0.25 * resolution) ** 2 + surface_depth_sigma**2)
+    return Thickness(value, float(sigma), resolution)
 
 
 def joint_rim(

@@ -57,7 +57,7 @@ def common_prior(
         focal = sensors.focal_length_sigma if held else sensors.calibrated_focal_length_sigma
         shift = max(registration.systematic / config.systematic_sigmas, 1e-6)
         stretch = registration.stretch_sigma
-    widening, widening_sigma = _widening(mounting, sensors)
+    widening, widening_sigma = top_widening(mounting, sensors)
     set_back = sensors.rim_set_back if outline.is_dull else sensors.sharp_rim_set_back
     sigmas = CommonNuisances(
         scale=unknown,
@@ -110,7 +110,7 @@ def _noise(mounting: Mounting, sensors: SensorsConfig) -> float:
     return float(np.hypot(mounting.widening[1], sensors.edge_widening_sigma_px))
 
 
-def _widening(mounting: Mounting | None, sensors: SensorsConfig) -> tuple[float, float]:
+def top_widening(mounting: Mounting | None, sensors: SensorsConfig) -> tuple[float, float]:
     """Return by how many pixels depth widens the top, and the standard deviation.
 
     Most depth images widen nothing: for these only a clear sign in the legs' silhouettes counts.

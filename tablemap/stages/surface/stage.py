@@ -21,6 +21,7 @@ from tablemap.stages.surface.doubts import doubts
 from tablemap.stages.surface.evidence import Evidence, gather
 from tablemap.stages.surface.joint import JointFit, corrected_poses
 from tablemap.stages.surface.motion import Mounting
+from tablemap.stages.surface.priors import top_widening
 from tablemap.stages.surface.result import FittedFigure, Primitive, Surface, SurfaceEdge
 from tablemap.stages.surface.shapes.shape import Shape
 from tablemap.stages.surface.shapes.sides import UNSEEN
@@ -75,11 +76,7 @@ def fit_surface(
         covariance=_in_map(relative, chosen, evidence, registration),
         relative_covariance=relative,
         height=_height(outline, chosen),
-        thickness=(
-            None
-            if outline.thickness is None
-            else FittedFigure(outline.thickness, _finite(outline.thickness_sigma))
-        ),
+        thickness=_thickness(outline, mounting, sensors),
         dimensions=figures,
         corner_radius=radius,
         outline=primitives[0].outline,
@@ -120,6 +117,23 @@ def _height(outline: Outline, chosen: Candidate) -> FittedFigure:
         sigma,
         budget=None if sigma is None else {"noise": views, "depth": depth, "floor": floor},
     )
+
+
+def _thickness(
+    outline: Outline, mounting: Mounting | None, sensors: SensorsConfig
+) -> FittedFigure | None:
+    """Take off the side face what depth adds to its lower end, which stands before a background."""
+    if outline.thickness is None:
+        return None
+    pixels, uncertain = top_widening(mounting, sensors)
+    value = max(outline.thickness - pixels * outline.thickness_per_px, _THINNEST)
+    own = _finite(outline.thickness_sigma)
+    if own is None:
+        return FittedFigure(value, None)
+    return FittedFigure(value, float(np.hypot(own, uncertain * outline.thickness_per_px)))
+
+
+_THINNEST = 0.001  # metres
 
 
 def _finite(sigma: float | None) -> float | None:

@@ -424,3 +424,31 @@ def test_shapes_are_rarely_confused_and_intervals_cover() -> None:
     assert np.median(errors) < 0.001
     assert np.percentile(errors, 95) < 0.003
     assert 0.90 <= np.mean(covered) <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("sensors", "mounting", "value", "sigma"),
+    [
+        (SensorsConfig(), None, 0.030, 0.0007),
+        (SensorsConfig(top_widening_px=1.5, top_widening_sigma_px=1.0), None, 0.027, 0.002),
+        (
+            SensorsConfig(top_widening_px=1.5, top_widening_sigma_px=1.0),
+            Mounting(np.zeros((4, 4)), np.zeros(4), 1.0, widening=(2.0, 0.1)),
+            0.026,
+            0.0007,
+        ),
+    ],
+)
+def test_depth_that_widens_makes_the_side_face_higher(
+    sensors: SensorsConfig, mounting: Mounting | None, value: float, sigma: float
+) -> None:
+    """What stereo adds to the face is taken off; it is known to a pixel, or as the legs show it."""
+    outline, registration = observe(TABLES["rectangle"], Bench(), np.random.default_rng(5))
+    outline = replace(outline, thickness=0.030, thickness_sigma=0.0005, thickness_per_px=0.002)
+    surface = fit_surface(
+        outline, registration, config=SurfaceConfig(), sensors=sensors, seed=0, mounting=mounting
+    )
+    assert surface.thickness is not None
+    assert surface.thickness.sigma is not None
+    assert surface.thickness.value == pytest.approx(value, abs=0.0003)
+    assert surface.thickness.sigma == pytest.approx(sigma, abs=0.0002)
