@@ -62,6 +62,7 @@ WARNING_CODES: dict[str, str] = {
     "surface.inferred_side": "A side was seen only in part, but enough to know where it ends.",
     "accuracy.hardly_table": "The chosen surface has a front below it, like a box or a couch.",
     "accuracy.second_choice": "The likeliest surface gave no table; another one was taken.",
+    "segmentation.cloth": "The table has a front below it, as of a cloth, and legs that carry it.",
     "segmentation.table_tie": "Several surfaces could be the table; one was chosen.",
     "recording.calibration": (
         "Calibrations change, were left out, or differ between topics; the message says more."

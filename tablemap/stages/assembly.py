@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,7 +49,7 @@ def assemble(found: Findings) -> m.TableModel:
         *found.taken.warnings,
         *_set_aside(found, snapshots),
         *found.calibration.warnings,
-        *found.segmentation.warnings,
+        *with_legs(found.segmentation.warnings, found.legs.legs),
         *found.odometry.warnings,
         *found.registration.warnings,
         *found.outline.warnings,
@@ -76,6 +76,23 @@ def assemble(found: Findings) -> m.TableModel:
             for w in warnings
         ),
     )
+
+
+def with_legs(warnings: Sequence[ProcessWarning], legs: Sequence[Leg]) -> Iterator[ProcessWarning]:
+    """Withdraw the doubt that a surface with a closed front is a table, if it has a table's legs.
+
+    A cloth that hangs down looks like the front of a box, but a box has no legs.
+    """
+    stand = sum(leg.status == "measured" for leg in legs)
+    for warning in warnings:
+        if warning.code == "accuracy.hardly_table" and stand >= _LEGS_OF_A_TABLE:
+            message = f"Below the top only a front was seen, as of a cloth; {stand} legs carry it."
+            yield ProcessWarning("segmentation.cloth", "segmentation", message)
+        else:
+            yield warning
+
+
+_LEGS_OF_A_TABLE = 4
 
 
 def _set_aside(found: Findings, snapshots: tuple[m.SnapshotPose, ...]) -> Iterator[ProcessWarning]:
