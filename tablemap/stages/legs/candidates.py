@@ -14,7 +14,7 @@ from tablemap.stages.legs.clusters import Cluster, Persistence, find_clusters, p
 from tablemap.stages.legs.depth import Reach, reach
 from tablemap.stages.legs.evidence import STOP_POSITION_SIGMA, LegEvidence, gather_evidence, thinned
 from tablemap.stages.legs.fit import Fit, Priors, criterion, fit_alone
-from tablemap.stages.legs.layout import Frame, table_sets
+from tablemap.stages.legs.layout import Frame, rectangles, table_sets
 from tablemap.stages.legs.primitives import sizes_of
 from tablemap.stages.legs.scans import Scans
 from tablemap.stages.legs.silhouettes import Segments, Walls, beam_points, find_segments
@@ -221,7 +221,30 @@ def judge(candidates: list[LegCandidate], frame: Frame) -> list[LegCandidate]:
         )
         if signs.score() < _LEAST_FOR_A_LEG:
             judged[i] = replace(candidates[i], reason=signs.objection(frame.inset(place)))
-    return judged
+    return _completed(judged, slender, frame)
+
+
+def _completed(judged: list[LegCandidate], slender: list[int], frame: Frame) -> list[LegCandidate]:
+    """Accept things under the top that stand in a rectangle with a leg of their own size.
+
+    ``slender`` are those that only their layout or a lack of looks spoke against. The rectangle
+    with most legs counts, as long as the table has fewer than four.
+    """
+    pool = [i for i in slender if not frame.is_beyond(judged[i].place)]
+    kept = {k for k, i in enumerate(pool) if judged[i].reason is None}
+    if not 0 < len(kept) < _LEGS:
+        return judged
+    places = np.array([judged[i].place for i in pool])
+    fours = rectangles(places, np.array([judged[i].size for i in pool]))
+    best = max(fours, key=lambda four: len(kept & set(four)), default=())
+    result = list(judged)
+    if kept & set(best):
+        for k in best:
+            result[pool[k]] = replace(judged[pool[k]], reason=None)
+    return result
+
+
+_LEGS = 4
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 import shapely
@@ -16,6 +17,9 @@ _CARRY = 3  # fewest legs that carry a part, unless one stands in its middle
 _ACROSS = 0.04  # metres from a leg's mirror image to its partner
 _SYMMETRY = 0.03  # metres between a partner and its place by symmetry
 _SETS = (4, 3, 2)  # sizes of a set of legs that a turn maps onto itself
+_ALIKE, _ALIKE_M = 0.2, 0.006  # share of its size, and metres: legs of one table differ by less
+_ASKEW = 0.06  # largest cosine of the angle between the sides of four legs
+_WIDER = 0.6  # metres: the feet of a chair are nearer to each other
 _BEYOND = 0.02  # metres outside the outline: errors of top and place explain so much
 
 
@@ -109,6 +113,29 @@ def symmetric_sets(
         return (float(beyond[chosen].any()), full, -outer, float(members[0]))
 
     return sorted(sets.items(), key=order)
+
+
+def rectangles(places: Floats, sizes: Floats) -> list[tuple[int, ...]]:
+    """Return fours of places (n, 2) of things alike in size (n,) that stand in a rectangle.
+
+    This needs no symmetry of the top: legs stand in a rectangle under tops of many shapes. The
+    longer side is longer than between the feet of a chair.
+    """
+    found: set[tuple[int, ...]] = set()
+    for corner in range(len(places)):
+        alike = np.abs(sizes - sizes[corner]) < np.maximum(_ALIKE * sizes[corner], _ALIKE_M)
+        own = [int(i) for i in np.flatnonzero(alike) if i != corner]
+        for i, j in combinations(own, 2):
+            first, second = places[i] - places[corner], places[j] - places[corner]
+            lengths = np.hypot(*first), np.hypot(*second)
+            if abs(float(first @ second)) > _ASKEW * lengths[0] * lengths[1]:
+                continue
+            away = np.linalg.norm(places[own] - (places[i] + second), axis=1)
+            fourth = own[int(away.argmin())]
+            members = tuple(sorted({corner, i, j, fourth}))
+            if away.min() < _SYMMETRY and len(members) == 4 and max(lengths) > _WIDER:
+                found.add(members)
+    return sorted(found)
 
 
 def table_sets(

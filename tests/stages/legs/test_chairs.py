@@ -10,7 +10,7 @@ from tablemap.config import LegsConfig, SensorsConfig
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.legs import Legs, find_legs
 from tablemap.stages.legs.chairs import chair_like, chair_squares
-from tablemap.stages.legs.layout import Frame
+from tablemap.stages.legs.layout import Frame, rectangles
 from tests.making.leg_scenes import Scene, drive, four, surface_of
 
 SENSORS = SensorsConfig()
@@ -166,3 +166,27 @@ def test_a_pedestal_is_no_third_corner_of_a_chair() -> None:
     assert chair_like(frame, places, set()) == set()
     aside = places + 0.12
     assert chair_like(frame, aside, set()) == {0, 1, 2}
+
+
+@pytest.mark.parametrize(
+    ("place", "size", "stands"),
+    [
+        ((1.26, 0.72), 0.058, True),
+        ((1.27, 0.73), 0.064, True),
+        ((1.31, 0.72), 0.058, False),
+        ((1.26, 0.72), 0.035, False),
+    ],
+)
+def test_four_alike_things_in_a_rectangle_are_legs(
+    place: tuple[float, float], size: float, stands: bool
+) -> None:
+    """The fourth is of the legs' size, and within 3 cm of where three others leave it."""
+    places = np.array([(0.0, 0.0), (1.26, 0.0), (0.0, 0.72), (0.6, 0.35), place])
+    sizes = np.array([0.058, 0.059, 0.057, 0.080, size])
+    found = rectangles(Pose2(0.3, -0.2, 0.4).apply(places), sizes)
+    assert found == ([(0, 1, 2, 4)] if stands else [])
+
+
+def test_a_chair_is_no_rectangle_of_legs() -> None:
+    """Its feet are too near to each other."""
+    assert rectangles(FEET, np.full(4, 0.035)) == []
