@@ -45,7 +45,8 @@ def find_edges(
     ``snapshots`` are the calibrated ones. The covariance of ``calibration``, if given, adds to the
     height's sigma. The edges stay in each view's base frame: they need no registration.
 
-    Raises `EstimationError` if no view shows enough of the top.
+    Raises `EstimationError` if no view shows enough of the top, or if something higher runs along
+    its whole rim.
     """
     by_index = {snapshot.index: snapshot for snapshot in snapshots}
     used = [view for view in segmentation.views if view.sees_table and view.index in by_index]
@@ -132,6 +133,7 @@ def find_edges(
         views.append(edges)
         if not np.any(edges.kind == EdgeKind.TABLE):
             warnings.append(_set_aside(item.snapshot, "shows no edge of the top"))
+    _check_rim(views)
     return Outline(
         views=tuple(views),
         height=height,
@@ -146,6 +148,24 @@ def find_edges(
         camera=camera,
         turns=_turns(calibration, used),
     )
+
+
+def _check_rim(views: Sequence[ViewEdges]) -> None:
+    """Raise `EstimationError` for a top that ends at something higher nearly all round."""
+    kinds = np.concatenate([np.empty(0, dtype=np.uint8), *(view.kind for view in views)])
+    ends = kinds[kinds != EdgeKind.BORDER]
+    if not len(ends):
+        return
+    hidden = float(np.mean(ends == EdgeKind.OCCLUDED))
+    if hidden > _RIMMED and float(np.mean(ends == EdgeKind.TABLE)) < _OPEN:
+        raise EstimationError(
+            f"no edges of the table top: in {counted(len(views), 'view')} it ends at something "
+            f"higher along {100 * hidden:.0f} % of its edge; a raised rim, as of a tray table, is "
+            "not known as part of a top; if things stand along the edge, clear it and record again"
+        )
+
+
+_RIMMED, _OPEN = 0.6, 0.02  # shares of the seen top's ends
 
 
 def _turns(calibration: Calibration | None, used: Sequence[ViewSegmentation]) -> dict[int, float]:

@@ -323,3 +323,17 @@ def test_nothing_seen_is_an_error_and_little_is_a_warning() -> None:
     )
     assert [edges.index for edges in outline.views] == [0]
     assert [warning.code for warning in outline.warnings] == ["outline.view_without_edges"]
+
+
+def test_a_raised_rim_is_named_as_the_cause() -> None:
+    """A rim of 20 mm along all four sides hides the top's end: the error says so."""
+    top = Box(1.3, 0.1, 0.8, 0.7, 0.72, 0.745)
+    low, high = top.low, top.high + 0.02
+    rim = (
+        Box(1.3 - 0.3925, 0.1, 0.015, 0.7, low, high),
+        Box(1.3 + 0.3925, 0.1, 0.015, 0.7, low, high),
+        Box(1.3, 0.1 - 0.3425, 0.8, 0.015, low, high),
+        Box(1.3, 0.1 + 0.3425, 0.8, 0.015, low, high),
+    )
+    with pytest.raises(EstimationError, match="a raised rim"):
+        outline_of(Scene(top, rim), LOW_CAMERA, HIGH_CAMERA)
