@@ -126,6 +126,8 @@ def _thickness(
     if outline.thickness is None:
         return None
     pixels, uncertain = top_widening(mounting, sensors)
+    if pixels:
+        uncertain = float(np.hypot(uncertain, _FACE_SIGMA_PX))
     value = max(outline.thickness - pixels * outline.thickness_per_px, _THINNEST)
     own = _finite(outline.thickness_sigma)
     if own is None:
@@ -134,6 +136,7 @@ def _thickness(
 
 
 _THINNEST = 0.001  # metres
+_FACE_SIGMA_PX = 0.5  # a face may be widened otherwise than the legs, and than the top's far edges
 
 
 def _finite(sigma: float | None) -> float | None:

@@ -430,12 +430,12 @@ def test_shapes_are_rarely_confused_and_intervals_cover() -> None:
     ("sensors", "mounting", "value", "sigma"),
     [
         (SensorsConfig(), None, 0.030, 0.0007),
-        (SensorsConfig(top_widening_px=1.5, top_widening_sigma_px=1.0), None, 0.027, 0.002),
+        (SensorsConfig(top_widening_px=1.5, top_widening_sigma_px=1.0), None, 0.027, 0.0023),
         (
             SensorsConfig(top_widening_px=1.5, top_widening_sigma_px=1.0),
             Mounting(np.zeros((4, 4)), np.zeros(4), 1.0, widening=(2.0, 0.1)),
             0.026,
-            0.0007,
+            0.0012,
         ),
     ],
 )
