@@ -55,6 +55,7 @@ class Stages:
         monkeypatch.setattr(pipeline, "segment_again", lambda _, first, **__: first)
         monkeypatch.setattr(pipeline, "register", self.register)
         monkeypatch.setattr(pipeline, "find_edges", self.find_edges)
+        monkeypatch.setattr(pipeline, "find_step", lambda *_: None)
         monkeypatch.setattr(pipeline, "fit_surface", self.fit_surface)
         monkeypatch.setattr(pipeline, "assemble", self.assemble)
 
@@ -66,7 +67,7 @@ class Stages:
         """Fail as a registration by edges does."""
         outline = edges()
         self.fail("registration", outline.x)
-        return SimpleNamespace(trajectory=None, map_from_base=())
+        return SimpleNamespace(trajectory=None, map_from_base=(), used_poses={})
 
     def find_edges(self, _: Any, segmentation: Segmentation, **__: Any) -> Any:
         """Tell whose edges these are."""
@@ -74,7 +75,9 @@ class Stages:
         if len(segmentation.candidates) > 1:
             chosen = next(each for each in segmentation.candidates if each.chosen)
         self.fail("outline", chosen.x)
-        return SimpleNamespace(x=chosen.x)
+        outline = SimpleNamespace(x=chosen.x, top_in=lambda _: None)
+        outline.on = lambda _: outline
+        return outline
 
     def fit_surface(self, outline: Any, *_: Any, **__: Any) -> Any:
         """Fail as a fit does."""
