@@ -104,6 +104,7 @@ class LaserStatistics:
     - ``violation``: share of its points that lie in the other stop's free space
     - ``score``: its mean likelihood among the points of all others
     - ``noise``: metres, the ``rms`` that the scans' own noise gives at the right place
+    - ``points``: how many points of a pair correspond; 0 if that was not counted
     """
 
     rms: float
@@ -112,6 +113,7 @@ class LaserStatistics:
     violation: float
     score: float
     noise: float
+    points: int = 0
 
 
 @dataclass(frozen=True)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tablemap.geometry import Floats
-from tablemap.stages.registration.laser.check import check_stops
+from tablemap.stages.registration.laser.check import check_stops, judge
 from tablemap.stages.registration.laser.normals import planar_normals
 from tablemap.stages.registration.result import LaserStatistics, StopScan
 
@@ -68,3 +70,15 @@ def test_faces_that_only_one_stop_can_see_say_nothing() -> None:
 def test_a_face_that_both_can_see_counts_where_it_does_not_fit() -> None:
     """Four centimetres off, the wall is still near its twin and contradicts it."""
     assert _seen(0.04).consistent < 0.2
+
+
+@pytest.mark.parametrize(("points", "is_right"), [(15, True), (0, False), (600, False)])
+def test_the_scatter_of_a_dozen_points_is_uncertain(points: int, is_right: bool) -> None:
+    """Nine millimetres where eight are the limit: of few points they prove nothing."""
+    wall = _face(np.array([-0.6, 2.0]), np.array([0.6, 2.0]))
+    scan = _scan(0, np.array([0.0, -1.0]), [wall])
+    check = check_stops([scan, replace(scan, index=1)], np.zeros((2, 3)), [(1, 0)])[1]
+    assert isinstance(check.statistics, LaserStatistics)
+    assert check.statistics.points == len(scan.points)
+    seen = replace(check.statistics, rms=0.009, points=points)
+    assert (not judge(seen)) == is_right

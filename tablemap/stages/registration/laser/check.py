@@ -66,8 +66,9 @@ def check_stops(
             violation=float(np.median(compared[:, 3])),
             score=likelihood(scans[i].points, others, located[i]),
             noise=float(np.median([np.hypot(scans[i].noise, scans[j].noise) for j in partners])),
+            points=int(np.median(compared[shared, 4])),
         )
-        reasons = _judge(statistics)
+        reasons = judge(statistics)
         checks.append(StopCheck(i, not reasons, statistics, reasons))
     return tuple(checks)
 
@@ -84,7 +85,8 @@ def suspicious(checks: Sequence[StopCheck]) -> dict[int, float]:
     }
 
 
-def _judge(seen: LaserStatistics) -> tuple[str, ...]:
+def judge(seen: LaserStatistics) -> tuple[str, ...]:
+    """Return what speaks against a stop's registration; nothing if it is right."""
     reasons = []
     if seen.overlap < _LEAST_OVERLAP:
         reasons.append(f"only {seen.overlap:.0%} of its scan fits any other stop's")
@@ -92,7 +94,9 @@ def _judge(seen: LaserStatistics) -> tuple[str, ...]:
         reasons.append(f"its scan has a score of only {seen.score:.2f} against the others")
     if seen.consistent < _LEAST_CONSISTENT:
         reasons.append(f"only {seen.consistent:.0%} of what other stops saw too agrees")
-    if seen.rms > max(_LARGEST_RMS, _NOISE_FACTOR * seen.noise):
+    # Of a dozen points the scatter itself is uncertain.
+    uncertain = 1.0 + 1.0 / np.sqrt(seen.points) if seen.points else 1.0
+    if seen.rms > uncertain * max(_LARGEST_RMS, _NOISE_FACTOR * seen.noise):
         reasons.append(f"what other stops saw too is off by {1e3 * seen.rms:.1f} mm RMS")
     if seen.violation > _LARGEST_VIOLATION or (
         seen.violation > _DOUBTFUL_VIOLATION and seen.score < _DOUBTFUL_SCORE
@@ -103,8 +107,11 @@ def _judge(seen: LaserStatistics) -> tuple[str, ...]:
 
 def _compare(
     source: StopScan, target: StopScan, tree: cKDTree, target_from_source: Pose2
-) -> tuple[float, float, float, float]:
-    """Return a pair's robust RMS in metres, overlap, consistent share and free-space violation."""
+) -> tuple[float, float, float, float, int]:
+    """Compare two stops' points.
+
+    Returns their robust RMS in metres, overlap, consistent share, free-space violation and number.
+    """
     points = target_from_source.apply(source.points)
     normals = target_from_source.rotate(source.normals)
     distance, index = tree.query(points, distance_upper_bound=_NEAR)
@@ -127,7 +134,7 @@ def _compare(
         consistent = float((np.abs(apart) < limit).sum() / max(comparable.sum(), 1))
     else:
         rms, consistent = float(_NEAR), 0.0
-    return rms, overlap, consistent, _violation(points, target)
+    return rms, overlap, consistent, _violation(points, target), int(matched.sum())
 
 
 def _violation(points: Floats, target: StopScan) -> float:
