@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from tablemap.config import SensorsConfig, SurfaceConfig
@@ -57,6 +55,7 @@ def common_prior(
         focal = sensors.focal_length_sigma if held else sensors.calibrated_focal_length_sigma
         shift = max(registration.systematic / config.systematic_sigmas, 1e-6)
         stretch = registration.stretch_sigma
+    sag, sag_sigma = (0.0, 0.0) if camera is None else camera.sag
     widening, widening_sigma = top_widening(mounting, sensors)
     set_back = sensors.rim_set_back if outline.is_dull else sensors.sharp_rim_set_back
     sigmas = CommonNuisances(
@@ -72,13 +71,9 @@ def common_prior(
         set_back=max(set_back, 1e-6),
         slope_x=_TOP_SLOPE,
         slope_y=_TOP_SLOPE,
-        sag=_TOP_SAG,
+        sag=float(np.hypot(_TOP_SAG, sag_sigma)),
         stretch=max(stretch, 1e-6),
     )
-    sag = 0.0
-    if camera is not None:
-        sag = camera.sag[0]
-        sigmas = replace(sigmas, sag=float(np.hypot(_TOP_SAG, camera.sag[1])))
     covariance = np.diag(sigmas.pack() ** 2)
     if camera is not None:
         at = [CommonNuisances.place(name) for name in ("scale", "roll", "pitch")]
@@ -101,13 +96,16 @@ def widens(mounting: Mounting | None, sensors: SensorsConfig) -> bool:
 
     If laser and camera saw the same legs, these tell it, else the kind of the camera.
     """
+    told = _told_by_legs(mounting, sensors)
+    return sensors.top_widening_px > 0 if told is None else told[0] >= _CLEAR * told[1]
+
+
+def _told_by_legs(mounting: Mounting | None, sensors: SensorsConfig) -> tuple[float, float] | None:
+    """Return the widening of the legs' silhouettes and its error for the top, pixels."""
     if mounting is None or not np.isfinite(mounting.widening[1]):
-        return sensors.top_widening_px > 0
-    return mounting.widening[0] >= _CLEAR * _noise(mounting, sensors)
-
-
-def _noise(mounting: Mounting, sensors: SensorsConfig) -> float:
-    return float(np.hypot(mounting.widening[1], sensors.edge_widening_sigma_px))
+        return None
+    widening, sigma = mounting.widening
+    return widening, float(np.hypot(sigma, sensors.edge_widening_sigma_px))
 
 
 def top_widening(mounting: Mounting | None, sensors: SensorsConfig) -> tuple[float, float]:
@@ -116,15 +114,14 @@ def top_widening(mounting: Mounting | None, sensors: SensorsConfig) -> tuple[flo
     Most depth images widen nothing: for these only a clear sign in the legs' silhouettes counts.
     """
     mean, sigma = sensors.top_widening_px, sensors.top_widening_sigma_px
-    if mounting is None or not np.isfinite(mounting.widening[1]):
-        return mean, sigma
+    told = _told_by_legs(mounting, sensors)
     widened = widens(mounting, sensors)
-    if not mean and not widened:
-        return 0.0, sigma
+    if told is None or not (mean or widened):
+        return mean, sigma
+    widening, noise = told
     sigma = max(sigma, sensors.silhouette_width_sigma_px) if widened else sigma
-    noise = _noise(mounting, sensors)
     gain = 1.0 / (1.0 + (noise / sigma) ** 2)
-    return mean + gain * (mounting.widening[0] - mean), float(noise * np.sqrt(gain))
+    return mean + gain * (widening - mean), float(noise * np.sqrt(gain))
 
 
 _CLEAR = 2.0  # sigmas
