@@ -130,9 +130,7 @@ def collect(
         depth = snapshot.depth[::STRIDE_PX, ::STRIDE_PX]
         if min(depth.shape) < 32:
             continue
-        arms = (snapshot.camera.rays[::STRIDE_PX, ::STRIDE_PX] * depth[..., None]) @ (
-            snapshot.base_from_camera[:3, :3].T.astype(np.float32)
-        )
+        arms = arms_of(snapshot)
         noise = snapshot.noise.sigma(depth)
         step = snapshot.noise.coarse_step
         steps.append(step)
@@ -154,6 +152,15 @@ def collect(
     if not parts:
         return None
     return _together(parts, snapshots, pixels, float(np.median(steps)), top)
+
+
+def arms_of(snapshot: Snapshot) -> NDArray[np.float32]:
+    """Return (rows, columns, 3) from the camera to every `STRIDE_PX`-th pixel, in base axes."""
+    depth = snapshot.depth[::STRIDE_PX, ::STRIDE_PX]
+    arms: NDArray[np.float32] = (
+        snapshot.camera.rays[::STRIDE_PX, ::STRIDE_PX] * depth[..., None]
+    ) @ snapshot.base_from_camera[:3, :3].T.astype(np.float32)
+    return arms
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,6 +201,17 @@ def _floor(
 
 
 _NARROW_BAND = 0.4
+
+
+def parabola(squared: Floats, *, over: Floats, most: float = np.inf) -> Floats:
+    """Return the shape of a sag of one at squared distances (n,) from the top's middle.
+
+    Its mean is 0 ``over`` those of the top, and 98 percent of these see a fall of less than one
+    from the middle. Beyond ``most`` of that distance it falls no further.
+    """
+    reach = max(float(np.percentile(over, 98)), 1e-6)
+    result: Floats = (over.mean() - np.minimum(squared, most * reach)) / reach
+    return result
 
 
 def _heights(snapshot: Snapshot) -> NDArray[np.float32]:
@@ -251,7 +269,7 @@ def _together(
     if is_top.any():
         place[is_top] -= np.median(place[is_top], axis=0)
         squared = np.sum(place[is_top] ** 2, axis=1)
-        bulge[is_top] = (squared.mean() - squared) / max(float(np.percentile(squared, 98)), 1e-6)
+        bulge[is_top] = parabola(squared, over=squared)
     turns = turned_left(np.stack([snapshot.base_from_camera for snapshot in snapshots]))
     if turns.any():
         arms = turned(arms, -turns[view])

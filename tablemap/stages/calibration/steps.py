@@ -11,7 +11,7 @@ from scipy import ndimage
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Bools, Floats, Ints, Pose2
 from tablemap.robust import mad_sigma
-from tablemap.stages.calibration.levels import LEAST_UPWARD, STRIDE_PX
+from tablemap.stages.calibration.levels import LEAST_UPWARD, STRIDE_PX, arms_of
 from tablemap.stages.snapshots import Snapshot
 from tablemap.stages.snapshots.normals import upward_share
 
@@ -107,12 +107,9 @@ def _cells(snapshots: Sequence[Snapshot], poses: Mapping[int, Pose2], centre: Fl
     """Return the floor's height in cells of the map: the median of the views' medians."""
     images = []
     for snapshot in snapshots:
-        depth = snapshot.depth[::STRIDE_PX, ::STRIDE_PX]
-        if snapshot.index not in poses or min(depth.shape) < 32:
+        if snapshot.index not in poses or min(snapshot.depth.shape) <= 31 * STRIDE_PX:
             continue
-        arms = (snapshot.camera.rays[::STRIDE_PX, ::STRIDE_PX] * depth[..., None]) @ (
-            snapshot.base_from_camera[:3, :3].T.astype(np.float32)
-        )
+        arms = arms_of(snapshot)
         z = arms[..., 2] + np.float32(snapshot.base_from_camera[2, 3])
         with np.errstate(invalid="ignore"):
             floor = np.abs(z) < _BAND

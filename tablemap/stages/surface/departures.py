@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tablemap.geometry import Bools, Floats, Ints
+from tablemap.robust import MAD_TO_SIGMA
 from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.joint import JointFit
 
@@ -21,7 +22,6 @@ _FLOOR = 0.0007  # metres, of a window's offset
 _REACH = 0.15  # metres; an edge farther away is another one
 _LEAST_FACING = 0.3  # cosine between the normals of point and outline
 _MEDIAN = 1.2533  # standard deviation of a median over that of a mean
-_MAD = 1.4826
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,10 +69,10 @@ def departures(fit: JointFit, evidence: Evidence) -> list[Departure]:
     middle, scatter = np.zeros(count), np.full(count, np.nan)
     middle[able] = np.nanmedian(seen[able], axis=1)
     deviation = np.abs(seen - middle[:, None])
-    scatter[able] = _MAD * np.nanmedian(deviation[able], axis=1)
+    scatter[able] = MAD_TO_SIGMA * np.nanmedian(deviation[able], axis=1)
     many = views > _LEAST_VIEWS
     # Two views tell little of their own scatter: that of all windows counts, too.
-    usual = _MAD * float(np.nanmedian(deviation[many])) if many.any() else np.inf
+    usual = MAD_TO_SIGMA * float(np.nanmedian(deviation[many])) if many.any() else np.inf
     sigma = _MEDIAN * np.fmax(scatter, usual) / np.sqrt(np.maximum(views, 1))
     off = able & (np.abs(middle) > np.maximum(_LEAST_OFFSET, _SIGMAS * np.hypot(sigma, _FLOOR)))
     places = _along(outline, windows)

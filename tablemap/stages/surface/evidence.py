@@ -11,6 +11,7 @@ import numpy as np
 from tablemap.config import SensorsConfig, SurfaceConfig
 from tablemap.errors import EstimationError, ProcessWarning
 from tablemap.geometry import Bools, Floats, Ints, Pose2
+from tablemap.stages.calibration.levels import parabola
 from tablemap.stages.outline import EdgeKind, Outline, ViewEdges
 from tablemap.stages.registration import Registration
 from tablemap.stages.surface.motion import CameraMotion, Mounting, camera_motion
@@ -212,13 +213,12 @@ def _bulge(points: Floats, top: Floats) -> Floats:
     if len(top) < _LEAST_CELLS:
         return np.zeros(len(points))
     middle = np.median(top, axis=0)
-    squared = np.sum((top - middle) ** 2, axis=1)
-    own = np.sum((points - middle) ** 2, axis=1)
-    reach = float(np.percentile(squared, 98))
-    return np.asarray((squared.mean() - np.minimum(own, 1.5 * reach)) / reach)
+    own, over = (np.sum((places - middle) ** 2, axis=1) for places in (points, top))
+    return parabola(own, over=over, most=_FARTHEST)
 
 
 _LEAST_CELLS = 20
+_FARTHEST = 1.5  # squared distances of edge points from the middle, over those of nearly all cells
 
 
 def _correlation(
