@@ -75,10 +75,23 @@ def test_a_face_that_both_can_see_counts_where_it_does_not_fit() -> None:
 @pytest.mark.parametrize(("points", "is_right"), [(15, True), (0, False), (600, False)])
 def test_the_scatter_of_a_dozen_points_is_uncertain(points: int, is_right: bool) -> None:
     """Nine millimetres where eight are the limit: of few points they prove nothing."""
+    assert (not judge(replace(_fits_itself(), rms=0.009, points=points), 0.002)) == is_right
+
+
+@pytest.mark.parametrize(
+    ("rms", "common", "is_right"),
+    [(0.011, 0.002, False), (0.011, 0.008, True), (0.013, 0.008, False), (0.018, 0.016, False)],
+)
+def test_an_error_of_all_stops_is_the_lasers(rms: float, common: float, is_right: bool) -> None:
+    """Ranges that bend misfit all stops alike; what misfits by centimetres is wrong at all."""
+    assert (not judge(replace(_fits_itself(), rms=rms), common)) == is_right
+
+
+def _fits_itself() -> LaserStatistics:
+    """Return how a stop that saw one wall fits a twin of itself."""
     wall = _face(np.array([-0.6, 2.0]), np.array([0.6, 2.0]))
     scan = _scan(0, np.array([0.0, -1.0]), [wall])
     check = check_stops([scan, replace(scan, index=1)], np.zeros((2, 3)), [(1, 0)])[1]
     assert isinstance(check.statistics, LaserStatistics)
     assert check.statistics.points == len(scan.points)
-    seen = replace(check.statistics, rms=0.009, points=points)
-    assert (not judge(seen)) == is_right
+    return check.statistics

@@ -23,6 +23,7 @@ _LEAST_SCORE = 0.5
 _LEAST_CONSISTENT = 0.6
 _LARGEST_RMS = 0.008
 _NOISE_FACTOR = 1.8  # times the scans' own noise (a stop with one scan is as noisy as the laser)
+_COMMON_FACTOR = 1.5  # times the misfit of all stops: a laser's error that bends is common to all
 _LARGEST_VIOLATION = 0.5
 _DOUBTFUL_VIOLATION = 0.25
 _DOUBTFUL_SCORE = 0.75
@@ -38,17 +39,13 @@ def check_stops(
     trees = {i: cKDTree(stop.points) for i, stop in scans.items()}
     located = [Pose2.from_array(pose) for pose in poses]
     in_map = {i: located[i].apply(stop.points) for i, stop in scans.items()}
-    checks = []
-    for i in range(len(stops)):
-        if i not in scans:
-            checks.append(StopCheck(i, False, None, ("it has no usable laser scan",)))
-            continue
+    seen: dict[int, LaserStatistics] = {}
+    for i in scans:
         partners = sorted({a if b == i else b for a, b in pairs if i in (a, b)} & set(scans))
         # Views that a turning head took from one place would agree even if the place were wrong.
         apart = [j for j in partners if not is_same_place(located[i], located[j])]
         partners = apart or partners
         if not partners:
-            checks.append(StopCheck(i, False, None, ("no other stop saw the same surroundings",)))
             continue
         compared = np.array(
             [
@@ -59,7 +56,7 @@ def check_stops(
         # Pairs that hardly overlap say little about residuals.
         shared = compared[:, 1] >= 0.5 * compared[:, 1].max()
         others = cKDTree(np.concatenate([in_map[j] for j in partners]))
-        statistics = LaserStatistics(
+        seen[i] = LaserStatistics(
             rms=float(np.median(compared[shared, 0])),
             overlap=float(np.max(compared[:, 1])),
             consistent=float(np.median(compared[shared, 2])),
@@ -68,9 +65,18 @@ def check_stops(
             noise=float(np.median([np.hypot(scans[i].noise, scans[j].noise) for j in partners])),
             points=int(np.median(compared[shared, 4])),
         )
-        reasons = judge(statistics)
-        checks.append(StopCheck(i, not reasons, statistics, reasons))
-    return tuple(checks)
+    common = float(np.median([one.rms for one in seen.values()])) if seen else 0.0
+    return tuple(_checked(i, i in scans, seen.get(i), common) for i in range(len(stops)))
+
+
+def _checked(index: int, scanned: bool, seen: LaserStatistics | None, common: float) -> StopCheck:
+    if seen is None:
+        reason = (
+            "no other stop saw the same surroundings" if scanned else "it has no usable laser scan"
+        )
+        return StopCheck(index, False, None, (reason,))
+    reasons = judge(seen, common)
+    return StopCheck(index, not reasons, seen, reasons)
 
 
 def suspicious(checks: Sequence[StopCheck]) -> dict[int, float]:
@@ -85,8 +91,12 @@ def suspicious(checks: Sequence[StopCheck]) -> dict[int, float]:
     }
 
 
-def judge(seen: LaserStatistics) -> tuple[str, ...]:
-    """Return what speaks against a stop's registration; nothing if it is right."""
+def judge(seen: LaserStatistics, common: float) -> tuple[str, ...]:
+    """Return what speaks against a stop's registration; nothing if it is right.
+
+    ``common`` (metres) is the median RMS of all stops. A laser whose error bends with the range
+    misfits them all alike, and a wrong place stands out against it.
+    """
     reasons = []
     if seen.overlap < _LEAST_OVERLAP:
         reasons.append(f"only {seen.overlap:.0%} of its scan fits any other stop's")
@@ -96,7 +106,8 @@ def judge(seen: LaserStatistics) -> tuple[str, ...]:
         reasons.append(f"only {seen.consistent:.0%} of what other stops saw too agrees")
     # Of a dozen points the scatter itself is uncertain.
     uncertain = 1.0 + 1.0 / np.sqrt(seen.points) if seen.points else 1.0
-    if seen.rms > uncertain * max(_LARGEST_RMS, _NOISE_FACTOR * seen.noise):
+    allowed = max(_LARGEST_RMS, min(_COMMON_FACTOR * common, _CONSISTENT))
+    if seen.rms > uncertain * max(allowed, _NOISE_FACTOR * seen.noise):
         reasons.append(f"what other stops saw too is off by {1e3 * seen.rms:.1f} mm RMS")
     if seen.violation > _LARGEST_VIOLATION or (
         seen.violation > _DOUBTFUL_VIOLATION and seen.score < _DOUBTFUL_SCORE
