@@ -38,6 +38,7 @@ class Classes:
     - ``border``: left, top, right and bottom window coordinates of the outermost pixels with depth
     - ``normal``, ``offset``: the top's plane in the camera, as `ViewPlane.in_camera` gives it
     - ``gaps``: the missing pixels to the left and to the right of the top
+    - ``smooth_top``: the smoothed top
     """
 
     origin: tuple[int, int]
@@ -53,6 +54,7 @@ class Classes:
     normal: Floats
     offset: float
     gaps: tuple[Gaps, Gaps]
+    smooth_top: Floats32
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,13 +65,11 @@ class Occupancy(Classes):
     - ``bridged``: pixels in the sensor's shadow
     - ``share``: smoothed share of top among what is known to be top or below, NaN where too little
       is known
-    - ``smooth_top``: the smoothed top
     """
 
     missing: Bools
     bridged: Bools
     share: Floats32
-    smooth_top: Floats32
 
 
 def classify(
@@ -113,7 +113,7 @@ def classify(
         top |= widened
         front &= ~widened
 
-    smooth_top = gaussian_filter(top.astype(np.float32), config.smoothing_px, truncate=3.0)
+    smooth_top = _smooth(top, config)
     below &= ~_mixed(depth, height, fall, below, smooth_top, snapshot, rows, columns, config)
     return Classes(
         origin=(rows.start, columns.start),
@@ -129,6 +129,7 @@ def classify(
         normal=normal,
         offset=offset,
         gaps=find_gaps(depth, top, below, front, known, snapshot.camera.fx),
+        smooth_top=smooth_top,
     )
 
 
@@ -136,14 +137,13 @@ def occupancy(classes: Classes, shadow: Shadow | None, *, config: OutlineConfig)
     """Tell missing pixels in the sensor's shadow from others, and smooth the top."""
     shape = classes.depth.shape
     bridged = np.zeros(shape, dtype=bool) if shadow is None else shadow.cast_on(classes.gaps, shape)
-    smooth_top, share = _filled(classes.top, classes.below, bridged, ~classes.known, config)
-    seen = {**vars(classes), "below": classes.below | bridged}
+    smooth_top, share = _filled(classes, bridged, config)
+    seen = {**vars(classes), "below": classes.below | bridged, "smooth_top": smooth_top}
     return Occupancy(
         **seen,
         missing=~classes.known & ~bridged,
         bridged=bridged,
         share=share,
-        smooth_top=smooth_top,
     )
 
 
@@ -270,37 +270,33 @@ def _gradient(image: Floats32, v: NDArray[np.intp], u: NDArray[np.intp]) -> Floa
     return np.column_stack([across, along]).astype(np.float64)
 
 
-def _filled(
-    top: Bools, below: Bools, shadowed: Bools, missing: Bools, config: OutlineConfig
-) -> tuple[Floats32, Floats32]:
+def _smooth(image: NDArray[np.generic], config: OutlineConfig) -> Floats32:
+    result: Floats32 = gaussian_filter(image.astype(np.float32), config.smoothing_px, truncate=3.0)
+    return result
+
+
+def _filled(classes: Classes, shadowed: Bools, config: OutlineConfig) -> tuple[Floats32, Floats32]:
     """Return the smoothed top, and its share among the pixels known to be top or below.
 
     A missing pixel that may be in the shadow is evidence for below: below, it is certainly missing;
     on the top, only a dropout makes it missing. Other missing pixels say nothing.
     """
-
-    def smooth(image: NDArray[np.generic]) -> Floats32:
-        result: Floats32 = gaussian_filter(
-            image.astype(np.float32), config.smoothing_px, truncate=3.0
-        )
-        return result
-
-    smooth_top, smooth_below = smooth(top), smooth(below)
+    smooth_top, smooth_below = classes.smooth_top, _smooth(classes.below, config)
     if shadowed.any():
-        known_top, part = smooth_top, smooth(shadowed)
+        known_top, part = smooth_top, _smooth(shadowed, config)
         known = smooth_top + smooth_below + part
         share = np.divide(smooth_top, known, out=np.zeros_like(known), where=known > 0.05)
         rim = (share > 0.5) & (share < 0.95) & ~shadowed
-        dropout = np.float32(np.clip(missing[rim].mean() if rim.any() else 0.1, 0.02, 0.5))
+        dropout = np.float32(np.clip((~classes.known)[rim].mean() if rim.any() else 0.1, 0.02, 0.5))
         chance = np.zeros_like(known)
         for _ in range(2):
             prior = share[shadowed] * dropout
             chance[shadowed] = prior / (prior + 1 - share[shadowed] + 1e-6)
-            smooth_top = known_top + smooth(chance)
+            smooth_top = known_top + _smooth(chance, config)
             np.divide(smooth_top, known, out=share, where=known > 0.05)
         smooth_below = known - smooth_top
     weight = smooth_top + smooth_below
-    share = np.full(top.shape, np.nan, dtype=np.float32)
+    share = np.full(shadowed.shape, np.nan, dtype=np.float32)
     np.divide(smooth_top, weight, out=share, where=weight > 0.12)
     return smooth_top, share
 

@@ -132,17 +132,18 @@ def _weighed(
 ) -> list[Candidate]:
     """Fit all again with the noise that the residuals show, and keep the cheapest of each kind."""
     everything = [fit for found in fits for fit in found]
-    noise, least = assumed, np.inf
+    noise = assumed
     if everything:
         # The closest fit shows the noise: the residuals of a wrong shape are not only noise.
         noise = estimate_noise(min(everything, key=_raw_cost), evidence)
-        least = min(_cost(fit, evidence, config) for fit in everything)
+    costs = [[_cost(fit, evidence, config) for fit in found] for found in fits]
+    least = min((cost for its in costs for cost in its), default=np.inf)
     candidates = []
-    for found in fits:
+    for found, its in zip(fits, costs, strict=True):
         refined = []
-        for fit in found:
+        for fit, cost in zip(found, its, strict=True):
             fit = _normalised(fit)
-            if _cost(fit, evidence, config) > least + _HOPELESS:
+            if cost > least + _HOPELESS:
                 fit = measure(fit.state, evidence, config, noise=noise)
             else:
                 fit = _settle(fit.state, evidence, config, (config.loss_sigmas,), noise)
@@ -297,7 +298,7 @@ def _is_supported(candidate: Candidate, evidence: Evidence, config: SurfaceConfi
     fit = candidate.fit
     if not fit.shape.is_plausible() or not np.isfinite(fit.data_cost):
         return False
-    own = own_statuses(sights(fit, evidence), config)
+    own = own_statuses(sights(fit, evidence, config), config)
     return fit.shape.is_shown(own) and fit.shape.is_told(candidate.spread.covariance, config)
 
 

@@ -13,7 +13,7 @@ from tablemap.robust import mad_sigma
 from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.joint import JointFit
 from tablemap.stages.surface.residuals import Noise
-from tablemap.stages.surface.shapes.shape import centroid, signed_distance
+from tablemap.stages.surface.shapes.shape import centroid
 
 _MOST_LAGS = 40
 
@@ -126,9 +126,8 @@ def contradicting_cells(outline: Floats, evidence: Evidence, config: SurfaceConf
     # Most cells of the top lie inside, most others outside: their distances do not matter.
     outside = evidence.top[~shapely.contains_xy(region, evidence.top)]
     inside = evidence.free[shapely.contains_xy(region, evidence.free)]
-    beyond = signed_distance(outside, outline) > margin
-    within = signed_distance(inside, outline) < -margin
-    return int(beyond.sum() + within.sum())
+    wrong = shapely.points(np.concatenate([outside, inside]))
+    return int((~shapely.dwithin(region.exterior, wrong, margin)).sum())
 
 
 def weights(costs: list[float]) -> list[float]:

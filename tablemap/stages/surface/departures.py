@@ -124,7 +124,9 @@ def _medians(offset: Floats, at: Floats, windows: Floats, length: float) -> Floa
     first = np.searchsorted(ring, windows - _WIDTH / 2)
     last = np.searchsorted(ring, windows + _WIDTH / 2)
     for window in np.flatnonzero(last - first >= _LEAST_POINTS):
-        result[window] = np.median(values[first[window] : last[window]])
+        # As np.median, which takes five times as long for so few.
+        part = np.sort(values[first[window] : last[window]])
+        result[window] = (part[(len(part) - 1) // 2] + part[len(part) // 2]) / 2
     return result
 
 

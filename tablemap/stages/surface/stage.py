@@ -179,7 +179,7 @@ def _figures(
     _, values = fit.shape.describe()
     if not values:
         return {}, None
-    seen = sights(fit, evidence)
+    seen = sights(fit, evidence, config)
     sides = fit.shape.side_statuses(own_statuses(seen, config))
     status = fit.shape.dimension_statuses(seen, sides)
     jacobian = _derivative(fit.shape)[3:]
@@ -219,7 +219,7 @@ def _budgeted(
     fit = chosen.fit
     names = list(fit.shape.describe()[1])
     budgets = budget_of(fit, evidence, config, _derivative(fit.shape)[3:])
-    hidden = [1.0 / max(sight.fraction, 0.05) - 1.0 for sight in sights(fit, evidence)]
+    hidden = [1.0 / max(sight.fraction, 0.05) - 1.0 for sight in sights(fit, evidence, config)]
     share = (_HIDDEN_M * float(np.mean(hidden))) ** 2
     alternatives = [
         (score, candidate.fit.shape.describe()[1])
@@ -303,7 +303,7 @@ def _edges(
     config: SurfaceConfig,
 ) -> tuple[SurfaceEdge, ...]:
     fit = candidate.fit
-    seen = sights(fit, evidence)
+    seen = sights(fit, evidence, config)
     status = fit.shape.side_statuses(own_statuses(seen, config))
     unbounded = {anchor.side for anchor in fit.anchors if not anchor.is_bounded}
     systematic = config.dimension_systematic

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import lru_cache
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -18,8 +21,12 @@ _LEAST_LENGTH = 4 * _REACH  # metres: one point alone shows half of it
 _BOTH_ENDS = 2 / 3  # of its length: a side with a smaller spread was seen at one end only
 
 
-def sights(fit: JointFit, evidence: Evidence) -> tuple[Sight, ...]:
-    """Return how much of each side the edge points of all views show."""
+@lru_cache(maxsize=16)  # a fit's sides are asked for by several steps, one after the other
+def sights(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> tuple[Sight, ...]:
+    """Return how much of each side the edge points of all views show.
+
+    ``beyond`` is found only where the side's status depends on it.
+    """
     result = []
     shown = (fit.side >= 0) & (np.abs(fit.distance) < 0.02) & (fit.misfit < 5)
     for index, piece in enumerate(fit.shape.pieces()):
@@ -33,9 +40,19 @@ def sights(fit: JointFit, evidence: Evidence) -> tuple[Sight, ...]:
         spread = (seen[-1] - seen[0] + 1) / len(samples) if len(seen) else 0.0
         length = float(np.linalg.norm(np.diff(piece, axis=0), axis=1).sum())
         fraction = float(near.mean())
-        beyond = _top_beyond(samples, outward, evidence)
-        result.append(Sight(fraction, float(spread), fraction * length, beyond))
+        sight = Sight(fraction, float(spread), fraction * length)
+        if not _is_measured(sight, config) and _is_seen_in_part(sight, config):
+            sight = replace(sight, beyond=_top_beyond(samples, outward, evidence))
+        result.append(sight)
     return tuple(result)
+
+
+def _is_measured(sight: Sight, config: SurfaceConfig) -> bool:
+    return sight.fraction >= config.measured_fraction and sight.spread >= _BOTH_ENDS
+
+
+def _is_seen_in_part(sight: Sight, config: SurfaceConfig) -> bool:
+    return sight.fraction >= config.inferred_fraction and sight.length >= _LEAST_LENGTH
 
 
 def _top_beyond(samples: Floats, outward: Floats, evidence: Evidence) -> float:
@@ -74,13 +91,9 @@ def own_statuses(seen: tuple[Sight, ...], config: SurfaceConfig) -> tuple[str, .
     """
     own = []
     for sight in seen:
-        if sight.fraction >= config.measured_fraction and sight.spread >= _BOTH_ENDS:
+        if _is_measured(sight, config):
             own.append(MEASURED)
-        elif (
-            sight.fraction >= config.inferred_fraction
-            and sight.length >= _LEAST_LENGTH
-            and sight.beyond <= sight.fraction
-        ):
+        elif _is_seen_in_part(sight, config) and sight.beyond <= sight.fraction:
             own.append(INFERRED)
         else:
             own.append(UNSEEN)
@@ -96,7 +109,7 @@ def hold_unseen(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> tup
     if not isinstance(shape, Sided):
         return ()
     anchors = []
-    statuses = own_statuses(sights(fit, evidence), config)
+    statuses = own_statuses(sights(fit, evidence, config), config)
     for index, (status, piece) in enumerate(zip(statuses, shape.pieces(), strict=True)):
         if status != UNSEEN:
             continue

@@ -14,7 +14,8 @@ class Sight:
     fraction: the share of its length that edge points show.
     spread: the share of its length from the first seen part to the last.
     length: metres that edge points show.
-    beyond: the share of its length along which the top was seen to go on beyond it.
+    beyond: the share of its length along which the top was seen to go on beyond it; 0 where the
+        rest tells the side's status.
     """
 
     fraction: float
