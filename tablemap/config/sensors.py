@@ -155,7 +155,7 @@ class SensorsConfig(Section):
         "(sigma). Higher: as for `camera_height_sigma`",
     )
     view_pan_sigma_deg: float = Field(
-        default=0.1,
+        default=0.3,
         gt=0,
         description="degrees; error of the head's heading in a single view (sigma). Higher: the "
         "edges of each view may turn further about its camera",

@@ -65,8 +65,7 @@ def draw_attitude(scenario: Scenario, drive: Drive, generator: Generators) -> At
     lean = clipped_normal(generator("lean"), (len(drive.stops), 2))
     encoders = clipped_normal(generator("encoders"), (len(drive.rests), 2))
     head = scenario.head
-    return Attitude(
-        drive,
-        np.deg2rad(scenario.ground.lean_sigma_deg) * lean,
-        np.deg2rad([head.pan_sigma_deg, head.tilt_sigma_deg]) * encoders,
-    )
+    turned = np.array([head.pan_sigma_deg, head.tilt_sigma_deg]) * encoders
+    turned[0::2, 0] -= head.pan_play_deg / 2
+    turned[1::2, 0] += head.pan_play_deg / 2
+    return Attitude(drive, np.deg2rad(scenario.ground.lean_sigma_deg) * lean, np.deg2rad(turned))

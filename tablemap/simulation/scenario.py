@@ -196,10 +196,13 @@ class CameraSection(ScenarioSection):
 
 
 class Head(ScenarioSection):
-    """Errors of the head's encoders, drawn anew each time that the head comes to rest."""
+    """Errors of the head's joints. Each rest of the head draws its encoders' errors anew."""
 
     pan_sigma_deg: float = Field(default=0.0, ge=0)
     tilt_sigma_deg: float = Field(default=0.0, ge=0)
+    pan_play_deg: float = Field(
+        default=0.0, ge=0, description="between the two ends of the gear's play, taken in turn"
+    )
 
 
 class Ground(ScenarioSection):

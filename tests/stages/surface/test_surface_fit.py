@@ -70,6 +70,35 @@ def test_every_shape_is_found_to_millimetres(name: str) -> None:
     assert (surface.corner_radius is not None) == (name == "rounded rectangle")
 
 
+@pytest.mark.parametrize("play", [0.4, 1.0])
+def test_the_play_of_the_head_moves_no_side(play: float) -> None:
+    """The head stands on one side of its play at every other stop: a degree costs no millimetre."""
+    outline, registration = observe(TABLES["rectangle"], Bench(), np.random.default_rng(5))
+    panned = []
+    for view in outline.views:
+        pan = Pose2(0.0, 0.0, np.radians(play) * (0.5 - view.index % 2))
+        eye = view.camera_xy
+        panned.append(
+            replace(
+                view,
+                points=pan.apply(view.points - eye) + eye,
+                normals=pan.rotate(view.normals),
+                top=pan.apply(view.top - eye) + eye,
+                free=pan.apply(view.free - eye) + eye,
+            )
+        )
+    still, played = (
+        fit_surface(seen, registration, config=SurfaceConfig(), sensors=SENSORS, seed=0)
+        for seen in (outline, replace(outline, views=tuple(panned)))
+    )
+    assert played.shape == "rectangle"
+    for name, figure in played.dimensions.items():
+        before = still.dimensions[name]
+        assert figure.sigma is not None and before.sigma is not None
+        assert abs(figure.value - before.value) < 0.001
+        assert figure.sigma < 1.1 * before.sigma
+
+
 def test_pose_errors_of_centimetres_are_taken_up_by_the_nuisances() -> None:
     """Views 10 mm and 0.3 degrees off still give a rectangle to 5 mm, and better placed views."""
     bench = replace(Bench(), place_sigma=0.01, yaw_sigma=np.radians(0.3))
