@@ -5,22 +5,25 @@ Results go to stdout, messages for people to stderr. Heavy imports are inside of
 
 from __future__ import annotations
 
-from tablemap.cli.app import app, main
-from tablemap.cli.config import config
-from tablemap.cli.convert import convert
-from tablemap.cli.evaluate import evaluate
-from tablemap.cli.export import ListsFormats, export
-from tablemap.cli.info import info
-from tablemap.cli.process import process
-from tablemap.cli.runs import runs_app
-from tablemap.cli.schema import schema
-from tablemap.cli.simulate import simulate
-from tablemap.cli.view import view
+import signal
+import sys
 
-__all__ = ["app", "main"]
+from tablemap.interrupts import Interrupts
 
-for command in (process, info, convert, view, export, simulate, evaluate, config, schema):
-    app.command(cls=ListsFormats if command in (export, process) else None)(command)
-app.add_typer(
-    runs_app, name="runs", help="List, compare, check, repeat, remove, move and serve runs."
-)
+__all__ = ["main"]
+
+GRACE_SECONDS = 10.0
+"""Signals that come so soon after the first count for nothing: a run is being marked."""
+
+
+def main() -> None:
+    """Run the command line. Signals are heard before anything else is imported."""
+    interrupts = Interrupts(grace_seconds=GRACE_SECONDS)
+    interrupts.listen()
+    try:
+        from tablemap.cli.app import run
+        from tablemap.cli.every import app
+
+        run(app, interrupts)
+    except KeyboardInterrupt:  # before Typer takes care of them
+        sys.exit(128 + (interrupts.received or [signal.SIGINT])[0])

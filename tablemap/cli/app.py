@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import signal
 import sys
 from typing import Annotated
 
@@ -15,9 +14,6 @@ from tablemap.errors import ConfigError, TablemapError
 from tablemap.imports import collect_rarely, hide_pandas, without_pydantic_plugins
 from tablemap.interrupts import Interrupts
 from tablemap.version import __version__
-
-GRACE_SECONDS = 10.0
-"""Signals that come so soon after the first count for nothing: a run is being marked."""
 
 app = Commands(
     name="tablemap",
@@ -31,20 +27,16 @@ app = Commands(
 )
 
 
-def main() -> None:
+def run(commands: Commands, interrupts: Interrupts) -> None:
     """Run the command line; turn an error into one sentence and an exit code."""
     hide_pandas()
     without_pydantic_plugins()
     collect_rarely()
-    interrupts = Interrupts(grace_seconds=GRACE_SECONDS)
-    interrupts.listen()
     try:
-        app()
+        commands()
     except SystemExit as end:
         told = interrupts.received
         sys.exit(128 + told[0] if told and end.code == 130 else end.code)
-    except KeyboardInterrupt:  # before Typer takes care of them
-        sys.exit(128 + (interrupts.received or [signal.SIGINT])[0])
     except Exception as error:
         if interrupts.received:  # compiled code made another error of it
             sys.exit(128 + interrupts.received[0])

@@ -10,12 +10,9 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from unittest import mock
 
 import pytest
 
-from tablemap.cli.app import main
-from tablemap.interrupts import Interrupts
 from tests.making.command import TABLEMAP, tablemap, tablemap_here
 from tests.making.models import rectangle_model
 from tests.making.run_folders import make_run
@@ -510,7 +507,7 @@ def test_help_loads_nothing_heavy(command: str) -> None:
     heavy = {"numpy", "rerun", "open3d", "scipy", "shapely", "mcap", "distributed"}
     code = (
         f"import sys; sys.argv = ['tablemap', *{command.split()!r}]\n"
-        "from tablemap.cli import app\n"
+        "from tablemap.cli.every import app\n"
         "app(standalone_mode=False)\n"
         f"print(sorted(set(sys.modules) & {heavy!r}))"
     )
@@ -518,16 +515,17 @@ def test_help_loads_nothing_heavy(command: str) -> None:
     assert done.stdout.splitlines()[-1] == "[]"
 
 
-def test_an_interruption_before_any_command_is_no_traceback(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """While the commands are still being made, the exit code alone says it."""
-
-    def interrupted() -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(sys.modules["tablemap.cli.app"], "app", interrupted)
-    with mock.patch.object(Interrupts, "listen"), pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 130
-    assert capsys.readouterr().err == ""
+@pytest.mark.parametrize("module", ["typer", "tablemap.cli.app", "tablemap.cli.process"])
+def test_an_interruption_before_any_command_is_no_traceback(module: str) -> None:
+    """While the commands are still being imported, the exit code alone says it."""
+    code = (
+        "import sys\n"
+        "class Interrupted:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        f"        if name == {module!r}:\n"
+        "            raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Interrupted())\n"
+        "from tablemap.cli import main; main()"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (ended.returncode, ended.stderr) == (130, "")
