@@ -115,6 +115,18 @@ def test_a_program_that_hides_pandas_makes_arrow_arrays_without_it() -> None:
     assert done.stdout.split() == ["2", "False"]
 
 
+def test_a_program_without_the_notes_of_scipy_has_all_its_functions() -> None:
+    """A part of SciPy that takes more of its documentation apart finds the whole tool for it."""
+    code = (
+        "import sys; from tablemap.imports import without_scipy_notes; without_scipy_notes(); "
+        "import scipy.ndimage; print(scipy.ndimage.label([1, 0, 1])[1]); "
+        "print(hasattr(sys.modules['scipy._lib._docscrape'], '__file__')); "
+        "import scipy.stats; print(scipy.stats.norm.cdf(0.0))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["2", "False", "0.5"]
+
+
 def test_test_modules_import_nothing_from_each_other() -> None:
     """What several need is made in ``tests/making``."""
     for file in Path(__file__).parent.rglob("*.py"):

@@ -11,7 +11,12 @@ import typer
 from tablemap.cli.commands import Commands, Debug, show_tracebacks
 from tablemap.cli.printing import complain, say
 from tablemap.errors import ConfigError, TablemapError
-from tablemap.imports import collect_rarely, hide_pandas, without_pydantic_plugins
+from tablemap.imports import (
+    collect_rarely,
+    hide_pandas,
+    without_pydantic_plugins,
+    without_scipy_notes,
+)
 from tablemap.interrupts import Interrupts
 from tablemap.version import __version__
 
@@ -31,6 +36,7 @@ def run(commands: Commands, interrupts: Interrupts) -> None:
     """Run the command line; turn an error into one sentence and an exit code."""
     hide_pandas()
     without_pydantic_plugins()
+    without_scipy_notes()
     collect_rarely()
     try:
         commands()
