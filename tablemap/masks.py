@@ -43,6 +43,31 @@ def opened(mask: Bools, size_px: int) -> Bools:
     return grown(shrunk(mask, size_px, outside=False), size_px)
 
 
+def counted(mask: Bools, size_px: int) -> NDArray[np.unsignedinteger]:
+    """Return how many pixels of the (h, w) mask the window round each pixel has.
+
+    The window is odd; what is outside is not in the mask.
+    """
+    padded: NDArray[np.unsignedinteger] = np.pad(mask, size_px // 2).astype(
+        np.uint8 if size_px < 16 else np.uint16
+    )
+    return np.ascontiguousarray(_sum_of_rows(_sum_of_rows(padded, size_px).T, size_px).T)
+
+
+def _sum_of_rows(window: NDArray[np.unsignedinteger], size_px: int) -> NDArray[np.unsignedinteger]:
+    """Add to each row the next ones, ``size_px`` in all; there are so many fewer of them."""
+    rows = len(window) - size_px + 1
+    total = np.zeros_like(window[:rows])
+    begin, width = 0, 1
+    while True:
+        if size_px & width:
+            total += window[begin : begin + rows]
+            begin += width
+        if begin == size_px:
+            return total
+        window, width = window[:-width] + window[width:], 2 * width
+
+
 def crowded(mask: Bools, least: int) -> Bools:
     """Return where a pixel and its eight neighbours have at least so many pixels of the mask.
 

@@ -7,7 +7,7 @@ import pytest
 from scipy import ndimage
 
 from tablemap.geometry import Bools
-from tablemap.masks import crowded, grown, opened, shrunk
+from tablemap.masks import counted, crowded, grown, opened, shrunk
 
 
 @pytest.fixture(params=[(48, 64), (7, 9), (1, 5), (3, 3), (2, 2)])
@@ -43,6 +43,13 @@ def test_opened(mask: Bools, size: int) -> None:
     """An opening loses what the window does not fit in."""
     expected = ndimage.binary_opening(mask, np.ones((size, size)))
     np.testing.assert_array_equal(opened(mask, size), expected)
+
+
+@pytest.mark.parametrize("size", [1, 3, 9, 17])
+def test_counted(mask: Bools, size: int) -> None:
+    """The sum over the window, with nothing beyond the border."""
+    expected = ndimage.convolve(mask.astype(int), np.ones((size, size), int), mode="constant")
+    np.testing.assert_array_equal(counted(mask, size), expected)
 
 
 @pytest.mark.parametrize("least", [4, 5])

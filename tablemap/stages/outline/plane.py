@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
 
 from tablemap.config import OutlineConfig, SensorsConfig
 from tablemap.geometry import Bools, Floats
+from tablemap.masks import counted
 from tablemap.robust import TUKEY_CUTOFF, mad_sigma, tukey
 from tablemap.stages.segmentation import Label, ViewSegmentation
 from tablemap.stages.snapshots import Snapshot
@@ -127,10 +127,8 @@ def fit_plane(
 
 def inner_part(top: Bools) -> Bools:
     """Return the pixels whose 9 by 9 neighbourhood is top: this leaves out strips of side faces."""
-    size = 9
-    share = uniform_filter(top.astype(np.float32), size, mode="constant")
-    inner: Bools = share > 1 - 3.5 / size**2
-    return inner
+    size, outside = 9, 3
+    return counted(top, size) >= size**2 - outside
 
 
 def _patch_sigma(

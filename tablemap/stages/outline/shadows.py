@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
 from tablemap.geometry import Bools, Floats, Ints
+from tablemap.masks import counted
 
 _Floats32 = NDArray[np.float32]
 
@@ -61,7 +62,7 @@ def find_gaps(
         empty = Gaps(none, none, none, np.empty(0), np.empty(0, dtype=bool))
         return empty, empty
     # Use the disparity of the background about a pixel: at a ragged edge its own row may lack it.
-    weight = uniform_filter(below.astype(np.float32), 17, mode="constant")
+    weight = counted(below, 17).astype(np.float32) / np.float32(17**2)
     inverse = np.zeros(depth.shape, dtype=np.float32)
     np.divide(1.0, depth, out=inverse, where=below)
     inverse = uniform_filter(inverse, 17, mode="constant")

@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from tablemap.masks import counted
+
 
 def upward_share(points: NDArray[np.float32], half_window_px: int) -> NDArray[np.float32]:
     """Return (height, width) |n_z| of the surface normals of (height, width, 3) points.
@@ -16,7 +18,7 @@ def upward_share(points: NDArray[np.float32], half_window_px: int) -> NDArray[np
     """
     size = 2 * half_window_px + 1
     missing = ~np.isfinite(points[..., 2])
-    weight = ndimage.uniform_filter((~missing).astype(np.float32), size, mode="constant")
+    weight = counted(~missing, size).astype(np.float32) / np.float32(size**2)
     weight[weight < 0.3] = np.nan
     # Each coordinate is an image of its own: arithmetic on these is several times as fast.
     along_u, along_v = [], []
