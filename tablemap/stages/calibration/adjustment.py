@@ -238,17 +238,21 @@ def _solve(
     views = samples.views
     total = COUNT + 3 * views
     information = np.eye(total)
+    rows, weighted = _rows(samples, values), np.empty((COUNT, len(samples.depth)))
+    tops, parts = samples.only(samples.is_top), samples.parts
     for gate in gates:
         residual = residuals(samples, values, own)
         width = np.maximum(gate, 3 * samples.sigma)
         weight = geman_mcclure((residual / width) ** 2, samples.weight)
-        rows = _rows(samples, values)
-        weighted = rows * weight
+        # The floor is known: only the rows of the top change from one step to the next.
+        if len(tops.depth):
+            rows[:, samples.is_top] = _rows(tops, values)
+        np.multiply(rows, weight, out=weighted)
         information = np.zeros((total, total))
         right = np.zeros(total)
         information[:COUNT, :COUNT] = weighted @ rows.T + np.diag(sigma**-2.0)
         right[:COUNT] = -weighted @ residual - (values - mean) / sigma**2
-        for view, part in enumerate(samples.parts):
+        for view, part in enumerate(parts):
             at = slice(COUNT + 3 * view, COUNT + 3 * view + 3)
             information[at, at] = np.diag(own_prior**-2.0)
             if not able[view]:

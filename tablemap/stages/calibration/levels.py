@@ -84,6 +84,12 @@ class LevelSamples:
         """Return `beyond` for rays that are ``reach`` times as long."""
         return self.depth * reach - REFERENCE_M
 
+    def only(self, chosen: Bools) -> LevelSamples:
+        """Return some (n,) of the samples, of the same views."""
+        each = ("arms", "depth", "steep", "camera_z", "sigma", "weight", "view", "is_top", "place")
+        parts = {name: getattr(self, name)[chosen] for name in (*each, "bulge")}
+        return replace(self, terms=self.terms[:, chosen], **parts)
+
     def in_base_axes(self) -> LevelSamples:
         """Return the same samples in axes that do not turn with the head."""
         arms = turned(self.arms, self.turns[self.view])
