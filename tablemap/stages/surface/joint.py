@@ -110,10 +110,10 @@ def fit_jointly(
     ``gates`` are the loss's scales in sigmas, wide to narrow (graduated non-convexity, Yang et al.,
     RA-L 2020). Each gate gets up to ``iterations``.
     """
-    state, now, gate = start, None, None
+    now, gate = _hold(start, evidence, config, config.loss_sigmas, anchors, noise), None
     damping = 1e-4
     for gate in gates:
-        now = _hold(state, evidence, config, gate, anchors, noise)
+        now = _weighed(now.seen, evidence, gate, anchors, noise)
         equations = None
         for _ in range(iterations):
             if equations is None:
@@ -132,10 +132,9 @@ def fit_jointly(
             damping = max(damping / 10, 1e-9)
             if gain < _SETTLED:
                 break
-        state = now.seen.state
         damping = min(damping, 1e-4)
-    if now is None or gate != config.loss_sigmas:
-        now = _hold(state, evidence, config, config.loss_sigmas, anchors, noise)
+    if gate != config.loss_sigmas:
+        now = _weighed(now.seen, evidence, config.loss_sigmas, anchors, noise)
     return _measured(now, anchors, noise)
 
 
@@ -233,6 +232,13 @@ def _hold(
     noise: Noise,
 ) -> _Held:
     seen = observe(state, evidence, config, noise, [anchor.side for anchor in anchors])
+    return _weighed(seen, evidence, gate, anchors, noise)
+
+
+def _weighed(
+    seen: EdgeResiduals, evidence: Evidence, gate: float, anchors: tuple[Anchor, ...], noise: Noise
+) -> _Held:
+    state = seen.state
     data = float(robust(np.where(seen.idle, STRAY**2, seen.squared), gate).sum())
     prior = prior_cost(state, evidence)
     if anchors and isinstance(state.shape, Sided):
