@@ -18,8 +18,17 @@ def thinned(points: NDArray[np.floating], cell: float) -> NDArray[np.float32]:
     cells = np.floor((kept - kept.min(axis=0)) / cell).astype(np.int64)
     size = cells.max(axis=0) + 1
     keys = np.ravel_multi_index(tuple(cells.T), tuple(size))
-    _, first = np.unique(keys, return_index=True)
-    return np.asarray(kept[np.sort(first)], dtype=np.float32)
+    if (room := int(np.prod(size))) > _MOST_CELLS * len(kept):
+        _, first = np.unique(keys, return_index=True)
+        return np.asarray(kept[np.sort(first)], dtype=np.float32)
+    # Without sorting: of the points of a cell the first is written last.
+    number = np.arange(len(kept))
+    first = np.empty(room, dtype=np.int64)
+    first[keys[::-1]] = number[::-1]
+    return np.asarray(kept[first[keys] == number], dtype=np.float32)
+
+
+_MOST_CELLS = 30  # for each point, in a table of all cells
 
 
 def raised(points: NDArray[np.floating], height: float) -> NDArray[np.float32]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import PIL.Image
@@ -42,15 +43,16 @@ class Eye:
 
     def pixels(self, points: Floats, size: Size = SIZE) -> tuple[Floats, Floats]:
         """Return where points (..., 3) lie in a picture, and how far ahead they are, metres."""
-        seen = (points - np.array(self.position)) @ self._axes()
+        seen = (points - np.array(self.position)) @ self._axes
         depth = np.maximum(seen[..., 2], NEAREST)
         return np.array(size) / 2 + _focal(size) * seen[..., :2] / depth[..., None], depth
 
     def beside(self, point: Floats, pixels: Floats, size: Size = SIZE) -> Floats:
         """Return the point (3,) as far ahead as a point (3,), so many pixels (2,) beside it."""
         (_,), (depth,) = self.pixels(point[None], size)
-        return np.asarray(point + self._axes()[:, :2] @ pixels * float(depth) / _focal(size))
+        return np.asarray(point + self._axes[:, :2] @ pixels * float(depth) / _focal(size))
 
+    @cached_property
     def _axes(self) -> Floats:
         """Return the directions to the right, down and ahead as columns (3, 3)."""
         ahead = np.subtract(self.target, self.position)
