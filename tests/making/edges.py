@@ -239,6 +239,8 @@ def _view(
         kind=kind,
         is_near=near,
         widening=np.where(near, 0.0, bench.point_sigma / SensorsConfig().edge_sigma_px),
+        hole=np.zeros(len(at)),
+        metres_per_px=np.full(len(at), 0.003),
         pixels=np.column_stack([at / closed.length * bench.points * 4, np.zeros(len(at))]),
         camera_xy=camera,
         drop=0.4,

@@ -38,6 +38,8 @@ class Seen:
                     kind=np.full(len(ring), EdgeKind.TABLE, dtype=np.uint8),
                     is_near=np.zeros(len(ring), dtype=bool),
                     widening=np.zeros(len(ring)),
+                    hole=np.zeros(len(ring)),
+                    metres_per_px=np.full(len(ring), 0.003),
                     pixels=np.zeros((len(ring), 2)),
                     camera_xy=np.zeros(2),
                     drop=0.4,

@@ -24,6 +24,8 @@ class Contour:
     - ``outward``: (n, 2) unit vectors in the image
     - ``kind``: (n,) of `EdgeKind`
     - ``gap``: (n,), number of unknown pixels next to the point
+    - ``hole``: (n,), pixels of missing depth from the end outward to a lower surface; NaN where the
+      end is none, where something else follows, or the sensor's shadow
     - ``facing``: (n,), cosine between ``outward`` and the image's downward direction; above 0 the
       side face is towards the camera
     """
@@ -32,6 +34,7 @@ class Contour:
     outward: Floats
     kind: NDArray[np.uint8]
     gap: Floats
+    hole: Floats
     facing: Floats
 
     @property
@@ -54,7 +57,26 @@ def trace(seen: Occupancy, snapshot: Snapshot, *, config: OutlineConfig) -> Cont
     step = np.concatenate([step, other_step])
     kind = np.concatenate([kind, other_kind])
     gap = np.concatenate([gap, np.zeros(len(other_place))])
-    return Contour(place, step, kind, gap, np.sum(step * _down(seen, snapshot, place), axis=1))
+    hole = _holes(seen, place, step, kind)
+    facing = np.sum(step * _down(seen, snapshot, place), axis=1)
+    return Contour(place, step, kind, gap, hole, facing)
+
+
+def _holes(seen: Occupancy, place: Floats, step: Floats, kind: NDArray[np.uint8]) -> Floats:
+    """Return how many pixels without depth follow each end, NaN where they do not tell."""
+    hole = np.full(len(place), np.nan)
+    ends = np.flatnonzero(np.isin(kind, (EdgeKind.TABLE, EdgeKind.MISSING)))
+    missing = _sample(seen.missing, place[ends], step[ends], _HOLE_PX)
+    below = _sample(seen.below & ~seen.bridged, place[ends], step[ends], _HOLE_PX)
+    other = _sample(seen.front | seen.bridged, place[ends], step[ends], _HOLE_PX)
+    first = np.where(below.any(axis=1), below.argmax(axis=1), len(_HOLE_PX))
+    ahead = np.arange(len(_HOLE_PX)) < first[:, None]
+    told = (first < len(_HOLE_PX)) & ~(other & ahead).any(axis=1)
+    hole[ends[told]] = (missing & ahead)[told].sum(axis=1)
+    return hole
+
+
+_HOLE_PX = np.arange(0.5, 64.0)
 
 
 def _down(seen: Occupancy, snapshot: Snapshot, place: Floats) -> Floats:
@@ -267,6 +289,8 @@ class PlacedContour:
     sigma: Floats
     is_near: Bools
     widening: Floats
+    hole: Floats
+    metres_per_px: Floats
 
 
 def place_on_plane(
@@ -359,7 +383,8 @@ def place_on_plane(
         face_sigma = np.hypot(face_sigma, np.where(lower > 0, config.face_sigma, 0.0))
     sigma = np.hypot(pixels_sigma * metres_per_px, leverage * face_sigma)
     widening = np.where(is_open, metres_per_px, 0.0)
-    return PlacedContour(points, normals, sigma, contour.is_face, widening)
+    hole = contour.hole * metres_per_px
+    return PlacedContour(points, normals, sigma, contour.is_face, widening, hole, metres_per_px)
 
 
 _SLIVER_SIGMA_PX = 1.5  # smoothing mixes a sliver of a face with the background

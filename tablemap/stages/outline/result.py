@@ -35,6 +35,9 @@ class ViewEdges:
     - ``is_near``: (n,) bool, whether the side face is towards the camera
     - ``widening``: (n,) metres outward by which a point moves if depth makes the top a pixel wider;
       0 where the side face separates it from the background
+    - ``hole``: (n,) metres of missing depth from the end outward to a lower surface; NaN where that
+      is not known
+    - ``metres_per_px``: (n,) metres along the normal
     - ``pixels``: (n, 2) float, column and row
     - ``camera_xy``: (2,) metres, the camera's place in the base
     - ``drop``: metres, the camera's height above the top
@@ -54,6 +57,8 @@ class ViewEdges:
     kind: NDArray[np.uint8]
     is_near: Bools
     widening: Floats
+    hole: Floats
+    metres_per_px: Floats
     pixels: Floats
     camera_xy: Floats
     drop: float
@@ -72,6 +77,8 @@ class ViewEdges:
             kind=self.kind[kept],
             is_near=self.is_near[kept],
             widening=self.widening[kept],
+            hole=self.hole[kept],
+            metres_per_px=self.metres_per_px[kept],
             pixels=self.pixels[kept],
         )
 

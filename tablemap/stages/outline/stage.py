@@ -121,6 +121,8 @@ def find_edges(
             kind=item.contour.kind,
             is_near=placed.is_near,
             widening=placed.widening,
+            hole=placed.hole,
+            metres_per_px=placed.metres_per_px,
             pixels=item.contour.place + np.array(item.seen.origin[::-1], dtype=np.float64),
             camera_xy=item.snapshot.base_from_camera[:2, 3].copy(),
             drop=item.plane.drop(item.snapshot.base_from_camera),

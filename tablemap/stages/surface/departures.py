@@ -31,11 +31,13 @@ class Departure:
     places: (n, 2), metres relative to the origin, along the outline
     offsets: (n,), metres from the outline to the edge there, positive outward
     length: metres along the outline
+    side: the outline's side if it is all of one, else None
     """
 
     places: Floats
     offsets: Floats
     length: float
+    side: int | None = None
 
     @property
     def farthest(self) -> float:

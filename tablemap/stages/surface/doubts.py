@@ -27,6 +27,7 @@ def doubts(
     edges: tuple[SurfaceEdge, ...],
     figures: dict[str, FittedFigure],
     away: Sequence[Departure],
+    rims: Sequence[Departure],
     evidence: Evidence,
     config: SurfaceConfig,
 ) -> list[ProcessWarning]:
@@ -78,6 +79,7 @@ def doubts(
             )
         )
     found += _not_followed(chosen, away, evidence)
+    found += _without_depth(rims)
     cells = contradicting_cells(chosen.fit.shape.outline(), evidence, config)
     if cells * evidence.cell**2 > 0.02:
         found.append(
@@ -100,6 +102,26 @@ def doubts(
 
 _STRAINED = 1.15  # where views fit together it is 0.1 to 0.9
 _ERRORS = {"poses": "places", "depth": "cameras' heights", "tilt": "cameras' tilts"}
+
+
+_NARROW = 0.004  # metres: a rim that only widens the sigmas, as of a dark side face
+
+
+def _without_depth(rims: Sequence[Departure]) -> list[tuple[str, str]]:
+    """Warn of a rim that gives no depth: how long and how wide."""
+    rims = [rim for rim in rims if rim.farthest > _NARROW]
+    if not rims:
+        return []
+    length = sum(rim.length for rim in rims)
+    widest = max(rim.farthest for rim in rims)
+    return [
+        (
+            "accuracy.hidden_rim",
+            f"Along {length:.2f} m of the top's edge, the depth ends up to {1e3 * widest:.0f} mm "
+            "before the background begins, as beside a rim of chrome or of a dark colour; the top "
+            "may go on as far there.",
+        )
+    ]
 
 
 def _not_followed(

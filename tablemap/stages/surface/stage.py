@@ -23,6 +23,7 @@ from tablemap.stages.surface.joint import JointFit, corrected_poses
 from tablemap.stages.surface.motion import Mounting
 from tablemap.stages.surface.priors import top_widening
 from tablemap.stages.surface.result import FittedFigure, Primitive, Surface, SurfaceEdge
+from tablemap.stages.surface.rims import hidden_rims
 from tablemap.stages.surface.shapes.shape import Shape
 from tablemap.stages.surface.shapes.sides import UNSEEN
 from tablemap.stages.surface.status import own_statuses, sights
@@ -67,9 +68,12 @@ def fit_surface(
         for candidate, score in zip(standing + fallen, scores + [0.0] * len(fallen), strict=True)
     ]
     away = [] if chosen.is_hull else departures(chosen.fit, evidence)
-    figures, radius = _budgeted(chosen, standing, scores, away, evidence, config)
-    edges = _edges(chosen, away, evidence, config)
+    rims = [] if chosen.is_hull else hidden_rims(chosen.fit, outline, evidence, config)
+    figures, radius = _budgeted(chosen, standing, scores, away, rims, evidence, config)
+    edges = _edges(chosen, [*away, *rims], evidence, config)
     relative = _pose_covariance(chosen)
+    if rims:  # one of two opposite sides shifts the middle by half
+        relative[:2, :2] += np.eye(2) * _mean_square(rims) / 4
     return Surface(
         shape=chosen.name,
         pose=primitives[0].pose,
@@ -92,7 +96,7 @@ def fit_surface(
         hull=hull_of(evidence, chosen.fit.points[chosen.fit.misfit < 5]) + evidence.origin,
         warnings=(
             *warnings,
-            *doubts(chosen, primitives, edges, figures, away, evidence, config),
+            *doubts(chosen, primitives, edges, figures, away, rims, evidence, config),
         ),
         beside=outline.beside,
         states=tuple(c.fit.state for c in candidates if not c.is_hull),
@@ -204,14 +208,16 @@ def _budgeted(
     standing: Sequence[Candidate],
     scores: Sequence[float],
     away: Sequence[Departure],
+    rims: Sequence[Departure],
     evidence: Evidence,
     config: SurfaceConfig,
 ) -> tuple[dict[str, FittedFigure], FittedFigure | None]:
     """Return the figures of the chosen shape with the parts of their variance.
 
-    Three parts are added that the fit's covariance lacks: other shapes that explain the edges
-    nearly as well have other dimensions; a figure of a shape that the edge does not follow is as
-    uncertain as the edge is far from it; and a partly seen side may bend where it was not seen.
+    Four parts are added that the fit's covariance lacks: other shapes that explain the edges nearly
+    as well have other dimensions; a figure of a shape that the edge does not follow is as uncertain
+    as the edge is far from it; a rim without depth lies beyond the edge on both sides; and a partly
+    seen side may bend where it was not seen.
     """
     figures, radius = _figures(chosen, evidence, config)
     if not figures:
@@ -240,6 +246,8 @@ def _budgeted(
         )
         if away and name != fit.shape.record.angle:
             parts["shape"] += _mean_square(away)
+        if rims and name != fit.shape.record.angle:  # on both sides
+            parts["shape"] += 4 * _mean_square(rims)
         parts["share"] = share if name != fit.shape.record.angle else 0.0
         sigma = float(np.sqrt(sum(parts.values())))
         result[name] = replace(figure, sigma=sigma, budget=parts)
@@ -311,9 +319,11 @@ def _edges(
     lines = [shapely.LineString(piece) for piece in pieces]
     departing: dict[int, list[Departure]] = {}
     for departure in away:
-        middle = shapely.Point(departure.place)
-        nearest = int(np.argmin([line.distance(middle) for line in lines]))
-        departing.setdefault(nearest, []).append(departure)
+        index = departure.side
+        if index is None:
+            middle = shapely.Point(departure.place)
+            index = int(np.argmin([line.distance(middle) for line in lines]))
+        departing.setdefault(index, []).append(departure)
     edges = []
     for index, piece in enumerate(pieces):
         middle = piece[len(piece) // 2] if len(piece) > 2 else piece.mean(axis=0)

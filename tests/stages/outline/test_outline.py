@@ -287,6 +287,33 @@ def test_missing_depth_is_no_table_edge() -> None:
     assert np.sum(edges.kind == EdgeKind.MISSING) > 20
 
 
+@pytest.mark.parametrize("rim", [0.02, 0.04])
+def test_ends_at_a_rim_without_depth_tell_its_width(rim: float) -> None:
+    """Near ends are at missing depth; where the pixels are smallest, the hole is as wide."""
+    scene = Scene(TOP)
+    snapshot, view = photograph(scene, HIGH_CAMERA, np.random.default_rng(0))
+    pose = snapshot.base_from_camera
+    rays = snapshot.camera.rays @ pose[:3, :3].T
+    on_plane = pose[:2, 3] + rays[..., :2] * ((TOP.high - pose[2, 3]) / rays[..., 2])[..., None]
+    inside = -TOP.outside(on_plane.reshape(-1, 2)).reshape(rays.shape[:2])
+    dark = (view.labels == Label.TOP) & (inside < rim)
+    outline = find_edges(
+        (replace(snapshot, depth=np.where(dark, np.nan, snapshot.depth).astype(np.float32)),),
+        segmentation_of(
+            [replace(view, labels=np.where(dark, 0, view.labels).astype(np.uint8))], TOP.high
+        ),
+        config=CONFIG,
+        sensors=SENSORS,
+    )
+    (edges,) = outline.views
+    near = edges.is_near & np.isin(edges.kind, (EdgeKind.TABLE, EdgeKind.MISSING))
+    assert np.mean(edges.kind[near] == EdgeKind.MISSING) > 0.6
+    told = np.isfinite(edges.hole) & ~edges.is_near
+    sharp = told & (edges.metres_per_px < 1.5 * edges.metres_per_px[told].min())
+    pixel = float(np.median(edges.metres_per_px[sharp]))
+    assert np.median(edges.hole[sharp]) == pytest.approx(rim, abs=1.5 * pixel)
+
+
 def test_votes_lie_on_their_own_side() -> None:
     """Points seen as top lie on the top, points seen through off it."""
     scene = Scene(TOP)
