@@ -55,12 +55,13 @@ def _variable_length(words: NDArray[np.uint32]) -> Ints:
     for place, shift in enumerate(shifts):
         parted[:, place] = (words >> shift) & 0xF
     nibbles = parted.ravel()
-    ends = np.flatnonzero(nibbles < 8)
+    # Half as wide as an index by default: a stream of zeros holds millions of numbers.
+    ends = np.flatnonzero(nibbles < 8).astype(np.int32)
     if len(ends) == 0:
         return np.zeros(0, np.int64)
-    begins = np.concatenate([[0], ends[:-1] + 1])
+    begins = np.concatenate([np.zeros(1, np.int32), ends[:-1] + 1])
     values = np.zeros(len(ends), np.int64)
-    longer = np.arange(len(ends))
+    longer = np.arange(len(ends), dtype=np.int32)
     for place in range(12):
         longer = longer[begins[longer] + place <= ends[longer]]
         if len(longer) == 0:
