@@ -51,7 +51,7 @@ def named_figures(run: RunScore) -> Iterator[tuple[str, Error]]:
     score = run.score
     if score is None:
         return
-    figures = [*score.dimensions, score.angle, score.height]
+    figures = [*score.dimensions, score.corner_radius, score.angle, score.height]
     yield from ((figure.name, figure) for figure in figures if figure)
     if score.legs:
         yield from ((f"leg {i} place", place) for i, place in enumerate(score.legs.places))

@@ -124,6 +124,7 @@ class Score:
     doubts: tuple[str, ...]
     weights: dict[str, float]
     views: ViewScore | None = None
+    corner_radius: Error | None = None
 
     @property
     def measured(self) -> tuple[Error, ...]:
@@ -170,6 +171,7 @@ def score(model: TableModel, truth: Truth) -> Score:
         doubts=tuple(w.code for w in model.warnings if w.code.startswith("accuracy.")),
         weights=_weights(model.surface),
         views=_score_views(model, truth),
+        corner_radius=_radius_error(model.surface, truth.surface),
     )
 
 
@@ -302,6 +304,16 @@ def _angle_error(surface: TableSurface, true: TrueSurface) -> Error | None:
     value, sigma = (figure.value, figure.sigma) if figure else (np.pi / 2, None)
     error = float(value - expected)
     return Error("angle", error, sigma, float(expected), abs(error))
+
+
+def _radius_error(surface: TableSurface, true: TrueSurface) -> Error | None:
+    """Compare the radius of round corners; that of sharp ones is 0."""
+    if true.corner_radius is None:
+        return None
+    figure = surface.corner_radius
+    value, sigma = (figure.value, figure.sigma) if figure else (0.0, None)
+    error = value - true.corner_radius
+    return Error("corner radius", error, sigma, true.corner_radius, abs(error))
 
 
 def _height_error(model: TableModel, truth: Truth) -> Error | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tablemap.corners import Arcs
 from tablemap.geometry import Floats
 
 SAGITTA = 5e-5
@@ -32,16 +33,11 @@ def circle_ring(radius: float) -> Floats:
 
 def rectangle_ring(length: float, width: float, corner_radius: float = 0.0) -> Floats:
     """Return the (N, 2) corners of a rectangle, or its arcs, metres, counter-clockwise."""
-    signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]], dtype=np.float64)
+    corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * [length / 2, width / 2]
     radius = min(corner_radius, length / 2, width / 2)
-    centres = signs * [length / 2 - radius, width / 2 - radius]
     if radius <= SAGITTA:
-        ring: Floats = signs * [length / 2, width / 2]
-        return ring
-    turn = np.linspace(0, np.pi / 2, arc_steps(radius) + 1)
-    angles = turn + np.arange(4)[:, None] * (np.pi / 2)
-    arcs = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    ring = (centres[:, None] + radius * arcs).reshape(-1, 2)
+        return corners
+    ring = np.concatenate(Arcs.rounding(corners, radius).points(arc_steps(radius)))
     # With a radius of half a side there is no straight part between two arcs: their ends coincide.
     apart = np.linalg.norm(ring - np.roll(ring, 1, axis=0), axis=1) > 1e-9
     rounded: Floats = ring[apart]

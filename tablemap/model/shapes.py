@@ -149,6 +149,9 @@ SHAPES: dict[str, ShapeRecord] = {
 """Every shape by its name, in the order in which they are listed."""
 
 
+CORNER_RADIUS = "corner_radius"
+"""The name of a figure that every shape with corners may have beside its dimensions."""
+
 DIMENSIONS = "figures by name, lengths in metres and angles in radians; " + "; ".join(
     f"{record.name}: {', '.join(record.dimensions) or 'none'}" for record in SHAPES.values()
 )

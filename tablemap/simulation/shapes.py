@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import shapely
 
+from tablemap.corners import Arcs
 from tablemap.errors import ConfigError
 from tablemap.geometry import Floats, Pose2
 from tablemap.model.shapes import (
@@ -130,29 +131,31 @@ def _round(dimensions: dict[str, float], major: float, minor: float) -> _Drawn:
 
 def _rectangle(table: Table, along: float, across: float) -> _Drawn:
     length, width = _ordered(table.length * along, table.width * across)
-    return _cornered({"length": length, "width": width}, length, width, table, along)
+    corners = _corners(length, width, np.pi / 2)
+    return _cornered({"length": length, "width": width}, corners, table.corner_radius * along)
 
 
 def _square(table: Table, along: float, across: float) -> _Drawn:
     side = table.side * along
-    return _cornered({"side": side}, side, side, table, along)
+    corners = _corners(side, side, np.pi / 2)
+    return _cornered({"side": side}, corners, table.corner_radius * along)
 
 
 def _parallelogram(table: Table, along: float, across: float) -> _Drawn:
     length, width = _ordered(table.length * along, table.width * across)
     angle = float(np.deg2rad(table.angle_deg))
     corners = _corners(length, width, angle)
-    return _Drawn({"length": length, "width": width, "angle": angle}, corners, corners)
+    dimensions = {"length": length, "width": width, "angle": angle}
+    return _cornered(dimensions, corners, table.corner_radius * along)
 
 
-def _cornered(
-    dimensions: dict[str, float], length: float, width: float, table: Table, along: float
-) -> _Drawn:
-    corners = _corners(length, width, np.pi / 2)
-    if not table.corner_radius:
-        return _Drawn(dimensions, corners, corners)
-    radius = table.corner_radius * along
-    return _Drawn(dimensions, _rounded(length, width, radius), corners, radius)
+def _cornered(dimensions: dict[str, float], corners: Floats, radius: float) -> _Drawn:
+    """Round the corners (k, 2), if they have a radius, about the centroid of the whole."""
+    outline = corners
+    if radius:
+        outline = np.concatenate(Arcs.rounding(corners, radius).points(_CHORDS))
+    centroid = np.asarray(shapely.Polygon(outline).centroid.coords)[0]
+    return _Drawn(dimensions, outline - centroid, corners - centroid, radius or None)
 
 
 def _stadium(table: Table, along: float, across: float) -> _Drawn:
@@ -165,9 +168,8 @@ def _stadium(table: Table, along: float, across: float) -> _Drawn:
 def _polygon(table: Table, along: float, across: float) -> _Drawn:
     scaled = np.array(table.corners) * (along, across)
     polygon = shapely.geometry.polygon.orient(shapely.Polygon(scaled))
-    outline = np.asarray(polygon.exterior.coords)[:-1]
-    outline = outline - np.asarray(polygon.centroid.coords)[0]
-    return _Drawn({}, outline, outline)
+    corners = np.asarray(polygon.exterior.coords)[:-1]
+    return _cornered({}, corners, table.corner_radius * along)
 
 
 def _corners(length: float, width: float, angle: float) -> Floats:
@@ -184,14 +186,7 @@ def _ellipse(major: float, minor: float, count: int) -> Floats:
     return np.column_stack([major / 2 * np.cos(phase), minor / 2 * np.sin(phase)])
 
 
-def _rounded(length: float, width: float, radius: float, count: int = 12) -> Floats:
-    quarter = np.linspace(0, np.pi / 2, count)
-    arcs = []
-    for i, (sx, sy) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
-        centre = np.array([sx * (length / 2 - radius), sy * (width / 2 - radius)])
-        phase = quarter + i * np.pi / 2
-        arcs.append(centre + radius * np.column_stack([np.cos(phase), np.sin(phase)]))
-    return np.concatenate(arcs)
+_CHORDS = 11  # of a quarter circle
 
 
 _DRAWN: dict[str, Callable[[Table, float, float], _Drawn]] = {

@@ -56,12 +56,12 @@ def draw_legs(
         panel = 0.8 * width
         across = (sx * (length / 2 - depth) for sx in (-1, 1))
         return [SimulatedLeg(RECTANGLE, Pose2(x, 0.0, np.pi / 2), panel, legs.size) for x in across]
+    if top.corner_radius and legs.layout in ("four", "polygon"):
+        depth = max(depth, 0.6 * top.corner_radius)
     if legs.layout == "polygon":
         convex = _convex(top.corners)
         return [_leg(legs, at(place, 0.0)) for place in inset(top.corners, depth)[convex]]
     if len(top.corners) == 4 and legs.layout == "four":
-        if top.corner_radius:
-            depth = max(depth, 0.6 * top.corner_radius)
         return [_leg(legs, at(place, 0.0)) for place in inset(top.corners, depth)]
     count = 3 if legs.layout == "three" else 4
     phase = np.pi / count + np.arange(count) * 2 * np.pi / count

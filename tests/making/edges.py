@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
@@ -39,12 +39,16 @@ class Bench:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """A true top: its kind, true dimensions by name, its outline in the map, its pose."""
+    """A true top: its kind, true dimensions by name, its outline in the map, its pose, its radius.
+
+    ``corner_radius`` is None where the corners are sharp.
+    """
 
     shape: str
     dimensions: dict[str, float]
     outline: Floats
     pose: Pose2 = field(default_factory=Pose2)
+    corner_radius: float | None = None
 
 
 def ellipse_table(major: float, minor: float, pose: Pose2) -> Table:
@@ -70,15 +74,13 @@ def box_table(length: float, width: float, pose: Pose2, angle: float = np.pi / 2
     return Table("rectangle", {"length": length, "width": width}, pose.apply(local), pose)
 
 
-def rounded_table(length: float, width: float, radius: float, pose: Pose2) -> Table:
-    """Make a rectangle with rounded corners."""
-    sharp = shapely.box(
-        -length / 2 + radius, -width / 2 + radius, length / 2 - radius, width / 2 - radius
-    )
-    ring = np.asarray(sharp.buffer(radius, quad_segs=24).exterior.coords)[:-1]
-    ring = ring if shapely.LinearRing(ring).is_ccw else ring[::-1]
-    size = {"length": length, "width": width}
-    return Table("rectangle", size, pose.apply(ring), pose)
+def rounded(table: Table, radius: float) -> Table:
+    """Round all corners of a table, those that point inward too."""
+    soft = shapely.Polygon(table.outline)
+    for inward in (-radius, radius):
+        soft = soft.buffer(inward, join_style="mitre").buffer(-inward, quad_segs=24)
+    ring = np.asarray(shapely.orient_polygons(soft).exterior.coords)[:-1]
+    return replace(table, outline=ring, corner_radius=radius)
 
 
 def stadium_table(length: float, width: float, pose: Pose2) -> Table:
@@ -92,6 +94,11 @@ def stadium_table(length: float, width: float, pose: Pose2) -> Table:
 def polygon_table(corners: list[tuple[float, float]], pose: Pose2) -> Table:
     """Make a polygon of counter-clockwise corners."""
     return Table("polygon", {}, pose.apply(np.array(corners)), pose)
+
+
+def school_table(pose: Pose2) -> Table:
+    """Make a trapezoid."""
+    return polygon_table([(-0.7, -0.35), (0.7, -0.35), (0.35, 0.35), (-0.35, 0.35)], pose)
 
 
 def desk(pose: Pose2) -> Table:

@@ -347,7 +347,8 @@ def test_truth_keeps_the_conventions(drawn: list[Simulation]) -> None:
             expected = np.pi * sizes["major"] * sizes["minor"] / 4
         else:
             expected = outline.area
-        expected -= (4 - np.pi) * (surface["corner_radius"] or 0.0) ** 2
+        if surface["shape"] != "polygon":
+            expected -= (4 - np.pi) * (surface["corner_radius"] or 0.0) ** 2
         assert outline.area == pytest.approx(expected, rel=2e-3)
         if "length" in sizes:
             assert sizes["length"] >= sizes["width"]

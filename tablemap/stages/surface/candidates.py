@@ -32,6 +32,7 @@ from tablemap.stages.surface.polygons import polygons
 from tablemap.stages.surface.residuals import Noise, State
 from tablemap.stages.surface.shapes.curved import Circle
 from tablemap.stages.surface.shapes.registry import PRIMITIVES
+from tablemap.stages.surface.shapes.rounded import Rounded
 from tablemap.stages.surface.shapes.shape import Shape, area
 from tablemap.stages.surface.shapes.straight import Parallelogram, Polygon, Rectangle, Sided
 from tablemap.stages.surface.starts import generators
@@ -68,17 +69,35 @@ def fit_candidates(
     coarse = evidence.thinned(config.points_coarse)
     assumed = assumed_noise(evidence)
 
-    def best(starts: list[Shape], gates: tuple[float, ...]) -> list[JointFit]:
-        """Try all starts on few points, and fit the best of them to all."""
+    def quickly(starts: list[State], gates: tuple[float, ...]) -> list[JointFit]:
+        """Fit all starts to few points; return the one with the least residuals, if any."""
         fits = [
-            _settle(unfitted(shape, coarse), coarse, config, gates, assumed_noise(coarse))
-            for shape in starts
-            if shape.is_plausible()
+            _settle(start, coarse, config, gates, assumed_noise(coarse))
+            for start in starts
+            if start.shape.is_plausible()
         ]
-        if not fits:
-            return []
-        first = min(fits, key=_raw_cost)
-        return [_settle(first.state, evidence, config, narrow, assumed)]
+        return sorted(fits, key=_raw_cost)[:1]
+
+    def fully(fit: JointFit) -> JointFit:
+        return _settle(fit.state, evidence, config, narrow, assumed)
+
+    def rounded(sharp: list[JointFit]) -> list[JointFit]:
+        """Round the corners of fitted shapes; return the cheapest, unless it seems sharp."""
+        fits = [
+            quick
+            for fit in sharp
+            if isinstance(fit.shape, Sided)
+            for quick in quickly(
+                [replace(fit.state, shape=start) for start in Rounded.starts_of(fit.shape)],
+                (wide[1], *narrow),
+            )
+        ]
+        cheapest = sorted(fits, key=lambda fit: _cost(fit, coarse, config))[:1]
+        return [
+            fully(fit)
+            for fit in cheapest
+            if isinstance(fit.shape, Rounded) and fit.shape.radius > fit.shape.seeming(config)
+        ]
 
     starts = generators(evidence, config, random)
     fits: dict[type[Shape], list[JointFit]] = {}
@@ -90,8 +109,10 @@ def fit_candidates(
         ]
         # A kind that starts only from a fitted rectangle starts near its place.
         gates = (*wide, *narrow) if kind in starts else (wide[1], *narrow)
-        fits[kind] = best([*inside, *starts.get(kind, [])], gates)
-    simple = [fit for found in fits.values() for fit in found]
+        own = [unfitted(start, coarse) for start in (*inside, *starts.get(kind, []))]
+        fits[kind] = [fully(fit) for fit in quickly(own, gates)]
+    primitive = [*fits.values(), *(rounded(found) for found in fits.values())]
+    simple = [fit for found in primitive for fit in found]
     # The nuisances of the best simple shape place the points well for the search for polygons.
     placed = min(simple, key=_raw_cost, default=None)
     if placed is not None and _inliers(placed, evidence) > 0.8:
@@ -99,13 +120,13 @@ def fit_candidates(
     else:
         nuisances = unfitted(_ANY_SHAPE, evidence)
         points, normals = evidence.points, evidence.normals
+    proposed = polygons(points, normals, evidence, config)
+    quick = _promising(proposed, coarse, nuisances, config, wide[1])
     polygonal = [
-        _settle(replace(nuisances, shape=shape), evidence, config, (wide[1], *narrow), assumed)
-        for shape in _promising(
-            polygons(points, normals, evidence, config), coarse, nuisances, config, wide[1]
-        )
+        _settle(replace(nuisances, shape=fit.shape), evidence, config, (wide[1], *narrow), assumed)
+        for fit in quick[:_MOST_POLYGONS]
     ]
-    return _weighed([*fits.values(), polygonal], evidence, config, assumed)
+    return _weighed([*primitive, polygonal, rounded(quick)], evidence, config, assumed)
 
 
 def refit_candidates(
@@ -175,19 +196,18 @@ def _unbent(
     it is only d^2 / (sigma^2 + skew^2). A parallelogram has one free angle more than a rectangle,
     and any other figure of four sides has three more.
     """
-    upright = [c for c in candidates if isinstance(c.fit.shape, Rectangle)]
-    if not evidence.skew_sigma or not upright:
+    upright = {_is_rounded(c): c for c in reversed(candidates) if isinstance(_sharp(c), Rectangle)}
+    if not evidence.skew_sigma:
         return candidates
-    rectangle = upright[0]
     result = []
     for each in candidates:
-        shape = each.fit.shape
+        rectangle, shape = upright.get(_is_rounded(each)), _sharp(each)
         freed = 0
         if isinstance(shape, Parallelogram):
             freed, angles = 1, slice(5, 6)
         elif isinstance(shape, Polygon) and len(shape.parameters) == 8:
             freed, angles = 3, slice(0, 4)
-        if freed:
+        if freed and rectangle is not None:
             effective = max(len(each.fit.distance) / each.fit.noise.kappa, 2.0)
             penalty = freed * (float(np.log(effective)) + config.symmetry_cost)
             advantage = max(rectangle.cost - (each.cost - penalty), 0.0)
@@ -196,6 +216,15 @@ def _unbent(
             each = replace(each, cost=rectangle.cost + penalty - share * advantage)
         result.append(each)
     return result
+
+
+def _is_rounded(candidate: Candidate) -> bool:
+    return isinstance(candidate.fit.shape, Rounded)
+
+
+def _sharp(candidate: Candidate) -> Shape:
+    shape = candidate.fit.shape
+    return shape.sharp if isinstance(shape, Rounded) else shape
 
 
 def _normalised(fit: JointFit) -> JointFit:
@@ -234,19 +263,18 @@ def _promising(
     nuisances: State,
     config: SurfaceConfig,
     gate: float,
-) -> list[Sided]:
-    """Keep the best two of the polygons, by a quick fit to few points."""
+) -> list[JointFit]:
+    """Fit the polygons quickly, to few points; the best ones first."""
     noise = assumed_noise(coarse)
-    ranked: list[tuple[float, Sided]] = []
-    for shape in shapes:
-        start = replace(nuisances, shape=shape)
-        fit = _settle(start, coarse, config, (gate, config.loss_sigmas), noise)
-        if fit.shape.is_plausible():
-            moved = shape.at(fit.shape.parameters)
-            ranked.append((_cost(fit, coarse, config), moved))
-    ranked.sort(key=lambda entry: entry[0])
-    return [shape for _, shape in ranked[:2]]
+    fits = [
+        _settle(replace(nuisances, shape=shape), coarse, config, (gate, config.loss_sigmas), noise)
+        for shape in shapes
+    ]
+    plausible = [fit for fit in fits if fit.shape.is_plausible()]
+    return sorted(plausible, key=lambda fit: _cost(fit, coarse, config))
 
+
+_MOST_POLYGONS = 2  # that are fitted to all points
 
 # A candidate whose cost exceeds the least cost by this much has a weight of practically zero.
 _HOPELESS = 100.0

@@ -159,20 +159,21 @@ def _partly_seen(
         message = f"Only {100 * share:.0f} % of the top's edge was seen."
         return [(_partly_code(sigmas, config), message)]
     found = []
-    unseen = [k for k, edge in enumerate(edges) if edge.status == UNSEEN]
+    sides = [k for k, edge in enumerate(edges) if len(edge.points) == 2]
+    unseen = [k for k in sides if edges[k].status == UNSEEN]
     if unseen:
         seen = "were not seen and are" if len(unseen) > 1 else "was not seen and is"
         found.append(
             (
                 "accuracy.unseen_side",
-                f"{_sides_of(edges, unseen)} {seen} only bounded.",
+                f"{_sides_of(edges, unseen, sides)} {seen} only bounded.",
             )
         )
-    partly = [k for k, edge in enumerate(edges) if edge.status == INFERRED]
+    partly = [k for k in sides if edges[k].status == INFERRED]
     if partly:
         sigmas = [_end_sigma(chosen, k) for k in partly]
         were = "were" if len(partly) > 1 else "was"
-        message = f"{_sides_of(edges, partly)} {were} seen only in part."
+        message = f"{_sides_of(edges, partly, sides)} {were} seen only in part."
         found.append((_partly_code(sigmas, config), message))
     return found
 
@@ -192,8 +193,8 @@ def _end_sigma(chosen: Candidate, side: int) -> float:
     return float(np.sqrt(np.einsum("ij,jk,ik->i", rows, covariance, rows).max()))
 
 
-def _sides_of(edges: tuple[SurfaceEdge, ...], chosen: list[int]) -> str:
+def _sides_of(edges: tuple[SurfaceEdge, ...], chosen: list[int], sides: list[int]) -> str:
     named = ", ".join(
         f"{np.linalg.norm(edges[k].points[1] - edges[k].points[0]):.2f} m" for k in chosen
     )
-    return f"{len(chosen)} of {counted(len(edges), 'side')} ({named})"
+    return f"{len(chosen)} of {counted(len(sides), 'side')} ({named})"

@@ -11,6 +11,7 @@ import shapely
 from tablemap.config import SensorsConfig, SurfaceConfig
 from tablemap.errors import EstimationError
 from tablemap.geometry import Floats, Pose2
+from tablemap.model.shapes import CORNER_RADIUS
 from tablemap.stages.outline import Outline
 from tablemap.stages.registration import Registration
 from tablemap.stages.surface.budget import budget_of
@@ -69,7 +70,8 @@ def fit_surface(
     ]
     away = [] if chosen.is_hull else departures(chosen.fit, evidence)
     rims = [] if chosen.is_hull else hidden_rims(chosen.fit, outline, evidence, config)
-    figures, radius = _budgeted(chosen, standing, scores, away, rims, evidence, config)
+    figures = _budgeted(chosen, standing, scores, away, rims, evidence, config)
+    radius = figures.pop(CORNER_RADIUS, None)
     edges = _edges(chosen, [*away, *rims], evidence, config)
     relative = _pose_covariance(chosen)
     if rims:  # one of two opposite sides shifts the middle by half
@@ -153,7 +155,8 @@ def _primitive(
     evidence: Evidence,
     config: SurfaceConfig,
 ) -> Primitive:
-    figures, radius = _figures(candidate, evidence, config)
+    figures = _figures(candidate, evidence, config)
+    radius = figures.pop(CORNER_RADIUS, None)
     return Primitive(
         shape=candidate.name,
         pose=_pose(candidate.fit.shape, evidence),
@@ -176,13 +179,13 @@ def _pose(shape: Shape, evidence: Evidence) -> Pose2:
 
 def _figures(
     candidate: Candidate, evidence: Evidence, config: SurfaceConfig
-) -> tuple[dict[str, FittedFigure], FittedFigure | None]:
+) -> dict[str, FittedFigure]:
     if candidate.is_hull:
-        return {}, None
+        return {}
     fit, record = candidate.fit, candidate.fit.shape.record
     _, values = fit.shape.describe()
     if not values:
-        return {}, None
+        return {}
     seen = sights(fit, evidence, config)
     sides = fit.shape.side_statuses(own_statuses(seen, config))
     status = fit.shape.dimension_statuses(seen, sides)
@@ -199,8 +202,7 @@ def _figures(
         # If nothing bounds a side from outside, the covariance says nothing about its figure.
         is_open = status[name] == UNSEEN and (unbounded or sigma > value)
         figures[name] = FittedFigure(value, None if is_open else sigma, status[name])
-    radius = figures.pop("corner_radius", None)
-    return figures, radius
+    return figures
 
 
 def _budgeted(
@@ -211,7 +213,7 @@ def _budgeted(
     rims: Sequence[Departure],
     evidence: Evidence,
     config: SurfaceConfig,
-) -> tuple[dict[str, FittedFigure], FittedFigure | None]:
+) -> dict[str, FittedFigure]:
     """Return the figures of the chosen shape with the parts of their variance.
 
     Four parts are added that the fit's covariance lacks: other shapes that explain the edges nearly
@@ -219,9 +221,9 @@ def _budgeted(
     as the edge is far from it; a rim without depth lies beyond the edge on both sides; and a partly
     seen side may bend where it was not seen.
     """
-    figures, radius = _figures(chosen, evidence, config)
+    figures = _figures(chosen, evidence, config)
     if not figures:
-        return figures, radius
+        return figures
     fit = chosen.fit
     names = list(fit.shape.describe()[1])
     budgets = budget_of(fit, evidence, config, _derivative(fit.shape)[3:])
@@ -251,7 +253,7 @@ def _budgeted(
         parts["share"] = share if name != fit.shape.record.angle else 0.0
         sigma = float(np.sqrt(sum(parts.values())))
         result[name] = replace(figure, sigma=sigma, budget=parts)
-    return result, radius
+    return result
 
 
 def _mean_square(away: Sequence[Departure]) -> float:

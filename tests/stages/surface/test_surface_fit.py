@@ -24,7 +24,8 @@ from tests.making.edges import (
     ellipse_table,
     l_table,
     observe,
-    rounded_table,
+    rounded,
+    school_table,
     stadium_table,
 )
 
@@ -37,7 +38,11 @@ TABLES = {
     "rectangle": box_table(1.2, 0.8, POSE),
     "square": box_table(0.55, 0.55, POSE),
     "parallelogram": box_table(1.2, 0.8, POSE, np.radians(91.0)),
-    "rounded rectangle": rounded_table(1.0, 0.6, 0.08, POSE),
+    "rounded rectangle": rounded(box_table(1.0, 0.6, POSE), 0.08),
+    "rounded square": rounded(box_table(0.7, 0.7, POSE), 0.06),
+    "rounded parallelogram": rounded(box_table(1.2, 0.8, POSE, np.radians(70.0)), 0.08),
+    "rounded trapezoid": rounded(school_table(POSE), 0.06),
+    "rounded L": rounded(l_table(POSE), 0.05),
     "stadium": stadium_table(1.6, 0.8, POSE),
     "short stadium": stadium_table(1.1, 0.9, POSE),
     "desk with a cut-out": desk(POSE),
@@ -67,7 +72,12 @@ def test_every_shape_is_found_to_millimetres(name: str) -> None:
         assert figure.sigma < 0.005
     assert {edge.status for edge in surface.edges} <= {"measured", "inferred"}
     assert sum(candidate.score for candidate in surface.candidates) == pytest.approx(1.0)
-    assert (surface.corner_radius is not None) == (name == "rounded rectangle")
+    assert (surface.corner_radius is None) == (table.corner_radius is None)
+    if surface.corner_radius is not None:
+        assert surface.corner_radius.sigma is not None
+        error = abs(surface.corner_radius.value - (table.corner_radius or 0.0))
+        assert error < min(0.006, 4 * surface.corner_radius.sigma)
+        assert surface.corner_radius.budget is not None
 
 
 @pytest.mark.parametrize("play", [0.4, 1.0])
@@ -365,7 +375,7 @@ def test_points_beside_a_corner_show_no_side(fraction: float, length: float, sta
 
 def test_ends_that_are_nearly_half_circles_make_no_stadium() -> None:
     """A rectangle 0.6 m wide, its corners rounded at 0.28 m, keeps its straight ends of 4 cm."""
-    surface = _fit(rounded_table(1.0, 0.6, 0.28, POSE), Bench(), 5)
+    surface = _fit(rounded(box_table(1.0, 0.6, POSE), 0.28), Bench(), 5)
     assert surface.shape == "rectangle"
     assert surface.corner_radius is not None
     assert abs(surface.corner_radius.value - 0.28) < 0.008

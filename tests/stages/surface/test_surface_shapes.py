@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tablemap.stages.surface.shapes.curved import Circle, Ellipse, RoundedRectangle
+from tablemap.stages.surface.shapes.curved import Circle, Ellipse
+from tablemap.stages.surface.shapes.rounded import Rounded
 from tablemap.stages.surface.shapes.shape import Shape, area, signed_distance
 from tablemap.stages.surface.shapes.stadium import Stadium
 from tablemap.stages.surface.shapes.straight import (
@@ -13,8 +14,27 @@ from tablemap.stages.surface.shapes.straight import (
     Polygon,
     Rectangle,
     Rectilinear,
+    Sided,
     Square,
 )
+
+L_SHAPE = Rectilinear(
+    np.array([0.3, 0.7, 0.8, 0.0, 0.1, 0.7, 0.6]), np.array([3, 0, 1, 0, 1, 2]), np.arange(6)
+)
+TRIANGLE = Polygon(np.array([-0.1, 1.8, 3.9, 0.5, 0.6, 0.4]))
+
+
+def _rounded(sharp: Sided, radius: float) -> Rounded:
+    return Rounded(np.append(sharp.parameters, radius), sharp)
+
+
+def _name(shape: Shape) -> str:
+    return (
+        f"Rounded{type(shape.kind).__name__}"
+        if isinstance(shape, Rounded)
+        else type(shape).__name__
+    )
+
 
 SHAPES: list[Shape] = [
     Circle(np.array([0.1, -0.2, 0.5])),
@@ -22,18 +42,18 @@ SHAPES: list[Shape] = [
     Rectangle(np.array([0.1, -0.2, 0.7, 1.2, 0.8])),
     Square(np.array([0.1, -0.2, 0.7, 0.6])),
     Parallelogram(np.array([0.1, -0.2, 0.7, 1.2, 0.8, 1.3])),
-    RoundedRectangle(np.array([0.1, -0.2, 0.7, 1.2, 0.8, 0.15])),
+    _rounded(Rectangle(np.array([0.1, -0.2, 0.7, 1.2, 0.8])), 0.15),
+    _rounded(Square(np.array([0.1, -0.2, 0.7, 0.6])), 0.05),
+    _rounded(Parallelogram(np.array([0.1, -0.2, 0.7, 1.2, 0.8, 1.3])), 0.1),
+    _rounded(L_SHAPE, 0.05),
+    _rounded(TRIANGLE, 0.08),
     Stadium(np.array([0.1, -0.2, 0.7, 1.2, 0.8])),
-    Rectilinear(
-        np.array([0.3, 0.7, 0.8, 0.0, 0.1, 0.7, 0.6]),
-        np.array([3, 0, 1, 0, 1, 2]),
-        np.arange(6),
-    ),
-    Polygon(np.array([-0.1, 1.8, 3.9, 0.5, 0.6, 0.4])),
+    L_SHAPE,
+    TRIANGLE,
 ]
 
 
-@pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: type(shape).__name__)
+@pytest.mark.parametrize("shape", SHAPES, ids=_name)
 class TestEveryShape:
     """What holds for every shape."""
 
@@ -79,9 +99,9 @@ class TestEveryShape:
     [
         Rectangle(np.array([0.1, -0.2, 0.7, 0.8, 1.2])),
         Parallelogram(np.array([0.1, -0.2, 0.7, 0.8, 1.2, 1.3])),
-        RoundedRectangle(np.array([0.1, -0.2, 0.7, 0.8, 1.2, 0.1])),
+        _rounded(Rectangle(np.array([0.1, -0.2, 0.7, 0.8, 1.2])), 0.1),
     ],
-    ids=lambda shape: type(shape).__name__,
+    ids=_name,
 )
 def test_the_length_is_the_longer_side(shape: Shape) -> None:
     """Renaming the sides leaves the outline where it is."""

@@ -1,16 +1,15 @@
-"""Outlines with curves: circle, ellipse, rounded rectangle."""
+"""Outlines that are one curve: circle, ellipse."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import numpy as np
 from typing_extensions import override
 
-from tablemap.config import SurfaceConfig
 from tablemap.geometry import Floats, Ints
-from tablemap.model.shapes import CIRCLE, ELLIPSE, RECTANGLE
+from tablemap.model.shapes import CIRCLE, ELLIPSE
 from tablemap.stages.surface.shapes.shape import Measure, Shape, unit
 from tablemap.stages.surface.shapes.sides import (
     INFERRED,
@@ -18,9 +17,7 @@ from tablemap.stages.surface.shapes.sides import (
     Sight,
     inferred_at_least,
     longest_gap,
-    worst,
 )
-from tablemap.stages.surface.shapes.straight import Rectangle
 
 CIRCLE_POINTS = 72
 ARCS = 8
@@ -173,116 +170,3 @@ class Ellipse(Round):
             return False
         values = np.linalg.eigvalsh(self._matrix())
         return bool(values[0] > 0.05 and values[1] < 5.0)
-
-
-@dataclass(frozen=True, eq=False)
-class RoundedRectangle(Shape):
-    """x, y, yaw, length, width, corner radius."""
-
-    record = RECTANGLE
-
-    @classmethod
-    @override
-    def starts_in(cls, rectangle: Floats) -> tuple[Shape, ...]:
-        return tuple(cls(np.append(rectangle, radius)) for radius in (0.03, 0.25 * rectangle[4]))
-
-    def _sharp(self) -> Rectangle:
-        return Rectangle(self.parameters[:5])
-
-    @override
-    def measure(self, points: Floats, normals: Floats) -> Measure:
-        x, y, yaw, length, width, radius = self.parameters
-        axes = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
-        local = (points - np.array([x, y])) @ axes.T
-        facing = normals @ axes.T
-        sign = np.where(local >= 0, 1.0, -1.0)
-        past = np.abs(local) - (np.array([length, width]) / 2 - radius)
-        in_corner = (past > 0).all(axis=1)
-        reach = np.maximum(np.linalg.norm(past, axis=1), 1e-9)
-        along_x = np.abs(facing[:, 0]) > np.abs(facing[:, 1])
-        # The normal of an edge point says to which of two opposite straight sides it belongs.
-        straight = np.where(
-            np.column_stack([along_x, ~along_x]), np.where(facing >= 0, 1.0, -1.0), 0.0
-        )
-        outward = np.where(in_corner[:, None], sign * past / reach[:, None], straight)
-        flat = np.sum(local * straight, axis=1) - np.where(along_x, length, width) / 2
-        distance = np.where(in_corner, reach - radius, flat)
-        corner_normal = np.abs(outward)
-        jacobian = np.zeros((len(points), 6))
-        normal = outward @ axes
-        jacobian[:, :2] = -normal
-        jacobian[:, 2] = outward[:, 0] * local[:, 1] - outward[:, 1] * local[:, 0]
-        jacobian[:, 3] = -corner_normal[:, 0] / 2
-        jacobian[:, 4] = -corner_normal[:, 1] / 2
-        jacobian[:, 5] = np.where(in_corner, corner_normal.sum(axis=1) - 1, 0.0)
-        quarter = np.where(
-            along_x, np.where(facing[:, 0] >= 0, 0, 4), np.where(facing[:, 1] >= 0, 2, 6)
-        )
-        bend = np.where(
-            local[:, 1] >= 0, np.where(local[:, 0] >= 0, 1, 3), np.where(local[:, 0] >= 0, 7, 5)
-        )
-        return Measure(
-            distance=distance,
-            excess=np.zeros(len(points)),
-            normal=normal,
-            jacobian=jacobian,
-            side=np.where(in_corner, bend, quarter).astype(np.int64),
-        )
-
-    @override
-    def outline(self) -> Floats:
-        x, y, yaw, length, width, radius = self.parameters
-        turn = np.linspace(0, np.pi / 2, 9)
-        arcs = []
-        for quarter, (sx, sy) in enumerate([(1, 1), (-1, 1), (-1, -1), (1, -1)]):
-            centre = np.array([sx * (length / 2 - radius), sy * (width / 2 - radius)])
-            arcs.append(centre + radius * unit(turn + quarter * np.pi / 2))
-        local = np.concatenate(arcs)
-        axes = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
-        outline: Floats = local @ axes + np.array([x, y])
-        return outline
-
-    @override
-    def pieces(self) -> tuple[Floats, ...]:
-        bends = self.outline().reshape(4, -1, 2)
-        pieces = []
-        for before, bend in zip(np.roll(bends, 1, axis=0), bends, strict=True):
-            pieces += [np.stack([before[-1], bend[0]]), bend]
-        return tuple(pieces)
-
-    @override
-    def describe(self) -> tuple[Floats, dict[str, float]]:
-        pose, dimensions = self._sharp().describe()
-        return pose, dimensions | {"corner_radius": float(self.parameters[5])}
-
-    @override
-    def is_plausible(self) -> bool:
-        _, _, _, length, width, radius = self.parameters
-        return bool(0.0 < radius <= min(length, width) / 2) and self._sharp().is_plausible()
-
-    @override
-    def normalised(self) -> Self:
-        sharp = self._sharp().normalised().parameters
-        return self.at(np.append(sharp, self.parameters[5]))
-
-    @override
-    def is_told(self, covariance: Floats, config: SurfaceConfig) -> bool:
-        # A pixel's size makes a sharp corner look like one with a small radius.
-        least = config.corner_resolution + 3 * np.sqrt(covariance[5, 5])
-        return bool(self.parameters[5] > least)
-
-    @override
-    def side_statuses(self, own: tuple[str, ...]) -> tuple[str, ...]:
-        bends = inferred_at_least(own[1::2])
-        return tuple(bends[i // 2] if i % 2 else status for i, status in enumerate(own))
-
-    @override
-    def dimension_statuses(
-        self, seen: tuple[Sight, ...], status: tuple[str, ...]
-    ) -> dict[str, str]:
-        bends = [sight.fraction >= 0.3 for sight in seen[1::2]]
-        return {
-            "length": worst(status[0], status[4]),
-            "width": worst(status[2], status[6]),
-            "corner_radius": MEASURED if sum(bends) >= 2 else INFERRED,
-        }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tablemap.stages.surface.shapes.curved import Circle, Ellipse, RoundedRectangle
+from tablemap.stages.surface.shapes.curved import Circle, Ellipse
 from tablemap.stages.surface.shapes.shape import Shape
 from tablemap.stages.surface.shapes.stadium import Stadium
 from tablemap.stages.surface.shapes.straight import (
@@ -19,7 +19,6 @@ PRIMITIVES: tuple[type[Shape], ...] = (
     Rectangle,
     Square,
     Parallelogram,
-    RoundedRectangle,
     Stadium,
 )
 """Fits with a fixed number of parameters; each is tried on every top, in this order."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 import shapely
@@ -43,7 +43,11 @@ class Shape(ABC):
     """A parametric outline; ``parameters`` (k,) metres and radians."""
 
     parameters: Floats
-    record: ClassVar[ShapeRecord]
+
+    @property
+    @abstractmethod
+    def record(self) -> ShapeRecord:
+        """What is known of all shapes of this name."""
 
     @classmethod
     def starts_in(cls, rectangle: Floats) -> tuple[Shape, ...]:

@@ -43,11 +43,15 @@ class Sided(Shape):
         y = (offset * np.cos(before_angle) - before_offset * np.cos(angle)) / cross
         return np.stack([x, y], axis=1)
 
+    def ends(self) -> tuple[Floats, Floats]:
+        """Return where the straight sides begin and end, (S, 2) each."""
+        corners = self.corners()
+        return corners, np.roll(corners, -1, axis=0)
+
     @override
     def measure(self, points: Floats, normals: Floats) -> Measure:
         angle, offset, _, _ = self.lines()
-        start = self.corners()
-        end = np.roll(start, -1, axis=0)
+        start, end = self.ends()
         outward = unit(angle)
         tangent = perpendicular(outward)
         distance = points @ outward.T - offset
@@ -59,7 +63,7 @@ class Sided(Shape):
         reach = np.hypot(distance, excess) + 1e3 * mismatch
         side = np.argmin(reach, axis=1)
         picked = np.arange(len(points)), side
-        result = self.against(points, side)
+        result = self.on_lines(points, side)
         return replace(
             result,
             excess=excess[picked],
@@ -67,7 +71,11 @@ class Sided(Shape):
         )
 
     def against(self, points: Floats, side: Ints) -> Measure:
-        """Measure (N, 2) points against the infinite line of each point's ``side`` (N,)."""
+        """Measure (N, 2) points against the infinite line of each point's straight side (N,)."""
+        return self.on_lines(points, side)
+
+    def on_lines(self, points: Floats, side: Ints) -> Measure:
+        """Measure (N, 2) points against lines (N,), by their numbers in `lines`."""
         angle, offset, by_angle, by_offset = self.lines()
         outward = unit(angle)[side]
         lever = np.sum(points * perpendicular(outward), axis=1)
@@ -85,8 +93,7 @@ class Sided(Shape):
 
     @override
     def pieces(self) -> tuple[Floats, ...]:
-        corners = self.corners()
-        return tuple(np.stack(ends) for ends in zip(corners, np.roll(corners, -1, 0), strict=True))
+        return tuple(np.stack(ends) for ends in zip(*self.ends(), strict=True))
 
     @override
     def is_plausible(self) -> bool:
