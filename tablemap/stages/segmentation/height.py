@@ -90,7 +90,7 @@ def joint_height(
                 & (view.upward > LEAST_UPWARD)
             )
         samples.append(region(view, candidate, config.reach, level))
-        places.append(region(view, candidate, 0.0, level))
+        places.append(region(view, candidate, 0.0, samples[-1]))
     mode = _joint_mode(views, samples, candidate.height)
     if mode is None:
         return None

@@ -32,6 +32,7 @@ _LEVEL_SHARE = 0.2
 # if clutter connects it to the top, and if there is only missing depth between.
 BRIDGED_SHARE, NEAR_SHARE = 0.3, 0.5
 GAP_STEP_PX = 2
+_PLACE_M = 0.05  # metres round the candidate's hull that are its place
 _LEAST_PIXELS = 60
 _OPENING_PX = 5  # takes two pixels from the rim of a surface, which are then given back
 _TOUCHING_PX = 9  # a thing has pixels this close to the top that it stands on
@@ -130,12 +131,14 @@ def _top(
     known = surfaces > 0
     numbers, area = surfaces[known], view.area_of(known)
 
-    def within(reach: float) -> Floats:
-        """Return the square metres (count + 1,) of each surface within reach of the table."""
-        part = area * region(view, candidate, reach, known)[known]
-        return np.asarray(np.bincount(numbers, weights=part, minlength=count + 1), np.float64)
+    def on(part: Bools) -> Floats:
+        """Return the square metres (count + 1,) of each surface on a part of the image."""
+        weights = area * part[known]
+        return np.asarray(np.bincount(numbers, weights=weights, minlength=count + 1), np.float64)
 
-    inside, near = within(0.05), within(config.reach)
+    around = region(view, candidate, config.reach, known)
+    place = region(view, candidate, min(_PLACE_M, config.reach), around)
+    inside, near = on(place), on(around)
     whole = np.bincount(numbers, weights=area, minlength=count + 1)
     # Nearly all of the table's own surface lies within reach of its place; a neighbour's does not.
     score = (inside + 0.5 * near) * near / np.maximum(whole, 1e-9)

@@ -191,9 +191,8 @@ _LEAST_CELLS = 6
 
 def _count(region: Bools, cells: Ints) -> int:
     """Return the number of cells of a region that occur at least twice among the given cells."""
-    hits = np.zeros(region.shape, dtype=np.int64)
-    np.add.at(hits, tuple(cells.T), 1)
-    return int((region & (hits >= 2)).sum())
+    hits = np.bincount(cells[:, 0] * region.shape[1] + cells[:, 1], minlength=region.size)
+    return int((region.ravel() & (hits >= 2)).sum())
 
 
 def convex(points: NDArray[np.number]) -> shapely.Geometry:
