@@ -167,12 +167,15 @@ def residuals(samples: LevelSamples, values: Floats, own: Floats) -> Floats:
     """Return the (n,) heights of the samples above the surface that they lie on, metres."""
     common = Common(*values[: len(NAMES)])
     tilts = view_tilts(samples.headings, common, own)
-    roll, pitch = tilts[samples.view].T
+    # Of the few views, not of each sample: sines are dear.
+    (sin_roll, sin_pitch), (cos_roll, cos_pitch) = (
+        wave(tilts.T)[:, samples.view] for wave in (np.sin, np.cos)
+    )
     x, y, z = samples.arms.T
     bend, growth = np.split(values[FIELD], 2)
     factor = 1 + bend @ samples.terms + (growth @ samples.terms) * samples.beyond
     # Third row of R_x(roll) then R_y(pitch), as `correction` composes them (extrinsic).
-    turned = -np.sin(pitch) * x + np.cos(pitch) * (np.sin(roll) * y + np.cos(roll) * z)
+    turned = -sin_pitch * x + cos_pitch * (sin_roll * y + cos_roll * z)
     heights = samples.camera_z + common.height + own[samples.view, 2]
     heights = heights + factor * turned + common.offset * samples.steep
     slope = np.array([common.slope_x, common.slope_y])
