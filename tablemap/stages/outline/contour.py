@@ -10,6 +10,7 @@ from scipy.ndimage import uniform_filter
 
 from tablemap.config import OutlineConfig
 from tablemap.geometry import Bools, Floats
+from tablemap.masks import counted
 from tablemap.stages.outline.occupancy import Occupancy
 from tablemap.stages.outline.plane import ViewPlane, axial_noise
 from tablemap.stages.outline.result import EdgeKind
@@ -255,7 +256,7 @@ def _unknown_ends(
         (EdgeKind.MISSING, seen.missing, 0.3),
         (EdgeKind.OCCLUDED, seen.front, 0.25),
     ):
-        crowd = uniform_filter(mask.astype(np.float32), 5, mode="nearest") > least
+        crowd = counted(np.pad(mask, 2, mode="edge"), 5)[2:-2, 2:-2] > least * 25
         beside = np.zeros_like(mask)
         beside[:, 1:] |= mask[:, :-1]
         beside[:, :-1] |= mask[:, 1:]
