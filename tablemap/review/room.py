@@ -28,6 +28,7 @@ LETTER, ENDS, HIGH = 7.2, 10.0, 22.0  # pixels of a label
 LABEL_DROP = 11.0  # the viewer writes labels this far below their points
 FARTHEST, STEP = 180, 4  # pixels from a label's anchor
 DIRECTIONS = 24
+NEAR_STEPS = 10  # the nearest places, which are looked at first
 CROSSED = 300  # pixels that a label hides for each other label that its leader would cross
 SAMPLES = np.linspace(0.0, 1.0, 16)  # of the way from an anchor to its label
 TURN_COST = 0.5  # of a label that stands where it should not point to, in its distance
@@ -175,10 +176,16 @@ class Room:
         half = np.array([LETTER * len(text) + ENDS, HIGH]) / 2
         middle = seen + np.array([0.0, LABEL_DROP])
         sides = np.clip(pixel, middle - half, middle + half)
-        hidden = self._count(middle - half, middle + half)
         moved = np.linalg.norm(middle - middle[0, 0], axis=-1)
         moved = moved * (1 + TURN_COST * (1 - np.cos(turns)))
-        flat = self._clearest(pixel, sides.reshape(-1, 2), hidden.ravel(), moved.ravel())
+        ends, low, high = sides.reshape(-1, 2), middle - half, middle + half
+        # Mostly one of the nearest is clear. Then what is farther need not be looked at.
+        hidden = self._count(low[:NEAR_STEPS], high[:NEAR_STEPS]).ravel()
+        near = np.where(hidden == 0, moved[:NEAR_STEPS].ravel(), np.inf)
+        near[near >= moved[NEAR_STEPS:].min()] = np.inf
+        flat = self._first_clear(pixel, ends, near)
+        if flat is None:
+            flat = self._clearest(pixel, ends, self._count(low, high).ravel(), moved.ravel())
         best = np.unravel_index(flat, moved.shape)
         if keeps:
             low, high = middle[best] - half, middle[best] + half
@@ -193,16 +200,25 @@ class Room:
 
         The leaders from an anchor (2,) to the ``ends`` (n, 2) count, and ``hidden`` (n,) pixels.
         """
-        free = np.flatnonzero(hidden == hidden.min())
+        free = self._first_clear(anchor, ends, np.where(hidden == hidden.min(), moved, np.inf))
+        if free is not None:
+            return free
+        hidden = hidden + CROSSED * self._crossed(anchor, ends)
+        return int(np.lexsort((moved, hidden))[0])
+
+    def _first_clear(self, anchor: Floats, ends: Floats, moved: Floats) -> int | None:
+        """Return the first place whose leader from an anchor (2,) crosses no label.
+
+        ``moved`` (n,) is the order of the places with the ``ends`` (n, 2); infinite ones are none.
+        """
+        free = np.flatnonzero(np.isfinite(moved))
         free = free[np.argsort(moved[free], kind="stable")]
-        # Mostly one of the nearest crosses nothing; then no other can be better.
         for first in range(0, len(free), DIRECTIONS):
             some = free[first : first + DIRECTIONS]
             clear = self._crossed(anchor, ends[some]) == 0
             if clear.any():
                 return int(some[np.argmax(clear)])
-        hidden = hidden + CROSSED * self._crossed(anchor, ends)
-        return int(np.lexsort((moved, hidden))[0])
+        return None
 
     def _crossed(self, anchor: Floats, ends: Floats) -> NDArray[np.int64]:
         """Return how many labels a leader from an anchor (2,) to each of (..., 2) would cross."""
