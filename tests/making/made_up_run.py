@@ -513,21 +513,22 @@ def _outline(poses: tuple[Pose2, ...], rng: np.random.Generator) -> Outline:
         grid = np.stack(np.meshgrid(np.linspace(-0.58, 0.58, 30), np.linspace(-0.38, 0.38, 20)), -1)
         top = back.apply(TABLE.apply(grid.reshape(-1, 2)))
         views.append(
-            filled(
-                ViewEdges,
-                i,
-                local,
-                back.rotate(normals),
-                np.full(400, 0.002),
-                kind.astype(np.uint8),
-                near,
-                np.zeros(400),
-                np.zeros((400, 2)),
-                np.array([0.1, 0.0]),
-                0.4,
-                np.array([0.8, 0.0, -0.6]),
-                top,
-                top + 2.0,
+            ViewEdges(
+                index=i,
+                points=local,
+                normals=back.rotate(normals),
+                sigma=np.full(400, 0.002),
+                kind=kind.astype(np.uint8),
+                is_near=near,
+                widening=np.zeros(400),
+                hole=np.zeros(400),
+                metres_per_px=np.full(400, 0.003),
+                pixels=np.zeros((400, 2)),
+                camera_xy=np.array([0.1, 0.0]),
+                drop=0.4,
+                axis=np.array([0.8, 0.0, -0.6]),
+                top=top,
+                free=top + 2.0,
             )
         )
     heights = {i: HEIGHT + 0.001 * float(rng.normal()) for i in range(len(poses))}
