@@ -6,10 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tablemap.geometry import Bools, Floats, Ints
+from tablemap.geometry import Bools, Floats, Ints, wrap_angles
 from tablemap.robust import MAD_TO_SIGMA
 from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.joint import JointFit
+from tablemap.stages.surface.shapes.rounded import Rounded
+from tablemap.stages.surface.shapes.straight import Sided
 
 _STEP = 0.02  # metres between windows along the outline
 _WIDTH = 0.08  # metres; width of a window
@@ -84,6 +86,54 @@ def departures(fit: JointFit, evidence: Evidence) -> list[Departure]:
         if len(row) >= _LEAST_WINDOWS
     ]
     return sorted(found, key=lambda departure: -departure.length)
+
+
+def bowed_sides(fit: JointFit, evidence: Evidence) -> list[Departure]:
+    """Return the sides of a polygon that stand for a curve: the edge bows out between their ends.
+
+    Many sides follow a curve to a third of their bow, which is too little for `departures`. The bow
+    of a side is read by all of its points: the offset from a chord is ``bow * (1/3 - u**2)``, with
+    u from -1 to 1 along it. Only sides with a small turn at both ends are asked: an octagon's have
+    no bow.
+    """
+    shape = fit.shape
+    if not isinstance(shape, Sided):
+        return []
+    starts, ends = shape.ends()
+    along = ends - starts
+    length = np.linalg.norm(along, axis=1)
+    heading = np.arctan2(along[:, 1], along[:, 0])
+    turn = wrap_angles(heading - np.roll(heading, 1))
+    next_turn = np.roll(turn, -1)
+    alike = (np.minimum(turn, next_turn) > 0) & (np.maximum(turn, next_turn) < _SMALL_TURN)
+    noise = fit.noise.sigma(evidence)
+    found = []
+    for index in np.flatnonzero(alike & (length > 4 * _CORNER)):
+        start, unit = starts[index], along[index] / length[index]
+        normal = np.array([unit[1], -unit[0]])
+        offset = (fit.points - start) @ normal
+        at = (fit.points - start) @ unit
+        own = (np.abs(offset) < _REACH / 3) & (fit.normals @ normal > _FACING)
+        own &= (at > _CORNER) & (at < length[index] - _CORNER)
+        if own.sum() < 3 * _LEAST_POINTS:
+            continue
+        share = 2 * at[own] / length[index] - 1
+        rows = np.column_stack([np.ones_like(share), share, 1 / 3 - share**2]) / noise[own, None]
+        solved, *_ = np.linalg.lstsq(rows, offset[own] / noise[own], rcond=None)
+        spread = np.linalg.inv(rows.T @ rows)[2, 2] * fit.noise.kappa
+        bow = float(solved[2])
+        if bow > max(_LEAST_OFFSET, _SIGMAS * np.sqrt(spread)):
+            steps = np.linspace(-1.0, 1.0, 9)
+            places = start + np.outer((steps + 1) / 2 * length[index], unit)
+            offsets = bow * (1 / 3 - steps**2)
+            side = int(index) * (2 if isinstance(shape, Rounded) else 1)
+            found.append(Departure(places, offsets, float(length[index]), side))
+    return found
+
+
+_SMALL_TURN = np.deg2rad(55.0)
+_CORNER = 0.025  # metres beside a corner, where its blur bows any side
+_FACING = 0.8
 
 
 def _offsets(points: Floats, normals: Floats, outline: Floats) -> tuple[Floats, Floats, float]:

@@ -17,7 +17,7 @@ from tablemap.stages.registration import Registration
 from tablemap.stages.surface.budget import budget_of
 from tablemap.stages.surface.candidates import Candidate, fit_candidates, hull_of, refit_candidates
 from tablemap.stages.surface.choice import weights
-from tablemap.stages.surface.departures import Departure, departures
+from tablemap.stages.surface.departures import Departure, bowed_sides, departures
 from tablemap.stages.surface.doubts import doubts
 from tablemap.stages.surface.evidence import Evidence, gather
 from tablemap.stages.surface.joint import JointFit, corrected_poses
@@ -69,6 +69,7 @@ def fit_surface(
         for candidate, score in zip(standing + fallen, scores + [0.0] * len(fallen), strict=True)
     ]
     away = [] if chosen.is_hull else departures(chosen.fit, evidence)
+    away = away or ([] if chosen.is_hull else bowed_sides(chosen.fit, evidence))
     rims = [] if chosen.is_hull else hidden_rims(chosen.fit, outline, evidence, config)
     figures = _budgeted(chosen, standing, scores, away, rims, evidence, config)
     radius = figures.pop(CORNER_RADIUS, None)

@@ -29,6 +29,20 @@ def _barrel(bow: float) -> Table:
     return polygon_table([*zip(x, -y, strict=True), *zip(x[::-1], y[::-1], strict=True)], POSE)
 
 
+def _half_round(radius: float) -> Table:
+    """Make a half circle: a polygon of many sides follows it to millimetres."""
+    turn = np.linspace(0.0, np.pi, 60)
+    ring = radius * np.column_stack([np.cos(turn), np.sin(turn) - 0.4])
+    return polygon_table([*map(tuple, ring.tolist())], POSE)
+
+
+def _regular(sides: int) -> Table:
+    """Make a regular polygon with a radius of 0.6 m."""
+    turn = np.arange(sides) * (2 * np.pi / sides)
+    ring = 0.6 * np.column_stack([np.cos(turn), np.sin(turn)])
+    return polygon_table([*map(tuple, ring.tolist())], POSE)
+
+
 def _unequal_table(radius: float) -> Table:
     """Make a rectangle of which two opposite corners are rounded."""
     soft = rounded(box_table(1.2, 0.8, Pose2()), radius).outline
@@ -65,6 +79,20 @@ def test_sides_that_bow_are_doubted() -> None:
 def test_unequally_round_corners_are_doubted() -> None:
     """Two corners are sharp, two are round: the points that the robust loss discards show it."""
     assert "accuracy.outline" in _codes(_fit(_unequal_table(0.12), 3))
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_sides_that_stand_for_a_curve_are_doubted(seed: int) -> None:
+    """Each side of the polygon bows out between its ends, by more than noise makes of it."""
+    surface = _fit(_half_round(0.7), seed)
+    assert surface.shape == "polygon"
+    assert "accuracy.outline" in _codes(surface)
+
+
+@pytest.mark.parametrize("sides", [8, 12])
+def test_polygons_of_many_straight_sides_are_not_doubted(sides: int) -> None:
+    """An octagon turns as little at each corner as what stands for a curve."""
+    assert "accuracy.outline" not in _codes(_fit(_regular(sides), 3))
 
 
 @pytest.mark.parametrize("seed", [3, 4, 5])
