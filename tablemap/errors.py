@@ -157,6 +157,7 @@ WARNING_CODES: dict[str, str] = {
     "legs.no_laser": "No laser sees the legs; they come from the depth camera alone.",
     "legs.none_found": "No leg was found.",
     "legs.inferred": "A leg that no view could see was placed by symmetry.",
+    "legs.no_return": "Where legs stand or should stand, the laser's beams came back with nothing.",
     "export.assumed_thickness": "The top's thickness is not known; the configured one was written.",
     "export.outline_repaired": "The outline crosses itself; its largest part was written.",
     "export.bound": "A dimension was not seen; its bound was written.",

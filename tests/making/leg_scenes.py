@@ -7,10 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from tablemap.config import LegsConfig, SensorsConfig
 from tablemap.geometry import Floats, Ints, Pose2
 from tablemap.inputs import Input
 from tablemap.recording import FrameNames, Recording
 from tablemap.recording.messages import Image, LaserScan
+from tablemap.stages.legs import Legs, find_legs
 from tablemap.stages.odometry import Trajectory
 from tablemap.stages.registration import Registration
 from tablemap.stages.snapshots import Camera, Snapshot
@@ -20,6 +22,9 @@ from tests.making.casting import Box, Drum, World, looking
 BASE_FROM_LASER = np.eye(4)
 BASE_FROM_LASER[:3, 3] = (0.1675, 0.0, 0.1844)
 SECOND = 1_000_000_000
+SENSORS = SensorsConfig()
+TABLE = Pose2(0.4, -0.3, 0.6)
+ROOM = [(-3, -3, 3, -3), (3, -3, 3, 3), (3, 3, -3, 3), (-3, 3, -3, -3)]
 BEAMS, FIELD = 721, 2.1
 
 
@@ -256,3 +261,18 @@ def drive(
         registration,
         surface,
     )
+
+
+def legs_of(scene: Scene, seed: int = 0, **settings: object) -> Legs:
+    """Return what the stage finds on a short drive round a scene."""
+    rng = np.random.default_rng(seed)
+    arguments = {"scans_between": 8, "scans_per_stop": 4, **settings}
+    given = drive(scene, rng, **arguments)  # type: ignore[arg-type]
+    return find_legs(*given, config=LegsConfig(), sensors=SENSORS)
+
+
+def errors_of(legs: Legs, truth: Floats) -> Floats:
+    """Return each true leg's distance to the nearest found one."""
+    places = np.array([[leg.x, leg.y] for leg in legs.legs])
+    errors: Floats = np.linalg.norm(truth[:, None] - places[None], axis=2).min(axis=1)
+    return errors

@@ -107,7 +107,7 @@ def _judged(
     ends = points[own.view, (own.first + own.last) // 2]
     radius = 0.5 * cluster.size
     found = LegCandidate(
-        cluster, cluster.centre, ends, None, {}, Persistence(0, 0, 0), Reach(0, 0), None
+        cluster, cluster.centre, ends, None, {}, Persistence(0, 0, 0, 0), Reach(0, 0), None
     )
     if frame.is_beside(cluster.centre):
         return replace(found, reason=UNDER_ANOTHER)
@@ -127,7 +127,9 @@ def _judged(
         return replace(found, reason="its silhouettes do not agree on a place")
     found = replace(found, place=place)
     size = found.size
-    stayed = persistence(scans, place, 0.5 * size) if cluster.slender else Persistence(stops, 0, 0)
+    stayed = (
+        persistence(scans, place, 0.5 * size) if cluster.slender else Persistence(stops, 0, 0, 0)
+    )
     highest = frame.surface.height.value - _JUST_BELOW
     # No seat fits under a top as low as a seat: anything that reaches such a top may carry it.
     seat = config.seat_height if highest > config.seat_height else 0.0

@@ -15,6 +15,7 @@ from tablemap.stages.legs.silhouettes import Segments
 
 _CELL = 0.01
 _APART = 0.04  # metres: two narrow things with nearer middles are one
+_BESIDE, _ANSWERS = 0.10, 0.8  # metres beside a place, share of beams there that must come back
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +36,16 @@ class Cluster:
 
 @dataclass(frozen=True)
 class Persistence:
-    """How many stops and drives hit a place, saw through it, or could not see it."""
+    """How many stops and drives hit a place, saw through it, or could not see it.
+
+    ``lost`` counts those whose beams to the place alone came back with nothing: something black or
+    bright stands there, or else a hole in what is behind it.
+    """
 
     hit: int
     passed: int
     blocked: int
+    lost: int
 
     @property
     def share(self) -> float:
@@ -129,7 +135,8 @@ def persistence(scans: Scans, place: Floats, radius: float) -> Persistence:
     """Count the stops and drives whose beams ended at ``place``, passed it, or fell short.
 
     A scan hits if any beam within a centimetre of the silhouette ends at the place. A scan passes
-    if beams through the inner half go on and none hits.
+    if beams through the inner half go on, end farther away, and none hits. A beam that came back
+    with nothing says nothing of free space: chrome and black things give no return.
     """
     offset = place - scans.origins
     distance = np.hypot(offset[..., 0], offset[..., 1])
@@ -140,16 +147,23 @@ def persistence(scans: Scans, place: Floats, radius: float) -> Persistence:
     inner = through & (aside < max(0.5 * radius, 0.003))
     off = scans.ranges - distance
     hit = (through & (np.abs(off) < radius + 0.05)).any(axis=1)
-    passed = (inner & (off > radius + 0.05)).any(axis=1) & ~hit
+    beyond = np.isfinite(scans.ranges) & ~scans.bridged & (off > radius + 0.05)
+    passed = (inner & beyond).any(axis=1) & ~hit
     blocked = (inner & (off < -radius - 0.05)).any(axis=1) & ~hit
+    silent = (inner & (np.isinf(scans.ranges) | scans.bridged)).any(axis=1) & ~hit & ~passed
+    beside = (aside > radius + 0.01) & (aside < radius + _BESIDE) & ~np.isnan(scans.ranges)
+    answers = (beside & np.isfinite(scans.ranges)).sum(axis=1)
+    lost = silent & (answers > _ANSWERS * beside.sum(axis=1))
 
     groups = len(scans.group_stops)
     hits = np.bincount(scans.groups, weights=hit, minlength=groups)
     passes = np.bincount(scans.groups, weights=passed, minlength=groups)
     blocks = np.bincount(scans.groups, weights=blocked, minlength=groups)
+    losses = np.bincount(scans.groups, weights=lost, minlength=groups)
     seen = hits + passes > 0
     return Persistence(
         hit=int((seen & (hits >= passes)).sum()),
         passed=int((seen & (hits < passes)).sum()),
         blocked=int((~seen & (blocks > 0)).sum()),
+        lost=int((~seen & (losses > 0)).sum()),
     )

@@ -115,6 +115,13 @@ def symmetric_sets(
     return sorted(sets.items(), key=order)
 
 
+def partners(frame: Frame, places: Floats) -> Floats:
+    """Return the places (m, 2) in the map of all partners of ``places`` (n, 2) by symmetry."""
+    found = np.concatenate([np.zeros((0, 2)), *_orbits(frame, frame.local(places))])
+    mapped: Floats = frame.surface.pose.apply(found)
+    return mapped
+
+
 def rectangles(places: Floats, sizes: Floats) -> list[tuple[int, ...]]:
     """Return fours of places (n, 2) of things alike in size (n,) that stand in a rectangle.
 

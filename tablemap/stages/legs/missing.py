@@ -34,7 +34,8 @@ def infer_missing(
     """Add the fourth leg if three stand by symmetry and neither sensor could have seen it.
 
     ``looked`` returns the depth camera's looks at a place of a radius. There is no leg where a
-    sensor saw through the place, or should have seen a leg and did not.
+    sensor saw through the place, or should have seen a leg and did not. Beams of the laser that
+    were lost at the place alone speak for a leg that sends nothing back.
     """
     if len(legs) != 3:
         return []
@@ -52,7 +53,7 @@ def infer_missing(
         if scans is not None:
             seen = persistence(scans, place, 0.5 * size)
             near = [c for c in candidates if np.linalg.norm(c.place - place) < 0.08]
-            if seen.passed or (seen.hit and not near):
+            if seen.passed > seen.lost or (seen.hit and not near):
                 return []
         open_view = looked(place, 0.5 * size)
         if open_view.passed > open_view.hit:

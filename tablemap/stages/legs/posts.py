@@ -56,8 +56,8 @@ def accept_posts(
             refused.append(_refused(post, "its views do not agree on a place"))
             continue
         if scans is not None:
-            seen = persistence(scans, place, 0.5 * post.size)
-            if seen.passed >= max(1, seen.hit):
+            seen = persistence(scans, place, 0.5 * float(fit.parameters[0, 2]))
+            if seen.passed >= max(1, seen.hit + seen.lost):
                 refused.append(_refused(post, "the laser saw free space at its foot"))
                 continue
         fitted.append(_Fitted(post, fit, place))

@@ -28,6 +28,7 @@ class Scans:
     - ``origins``: (V, B, 2) metres
     - ``angles``: (V, B) radians
     - ``ranges``: (V, B) metres, inf where nothing came back, NaN where nothing is known
+    - ``bridged``: (V, B), whether a range was filled in, as its own beam was lost
     - ``pivots``: (V, 2) metres, the base, about which a yaw error turns the scan
     - ``spacing``: (V,) radians between beams
     - ``standing``: (V,), whether the scan comes from a stop
@@ -41,6 +42,7 @@ class Scans:
     origins: Floats
     angles: Floats
     ranges: Floats
+    bridged: Bools
     pivots: Floats
     spacing: Floats
     standing: Bools
@@ -99,9 +101,9 @@ def gather_scans(
             continue
         mount = recording.base_from_laser(stop.first.stamp_ns)
         height = float(mount[2, 3])
-        ranges, noise = stop.combined(range_noise)
+        beams, noise = stop.combined(range_noise)
         pose = stop_poses[index]
-        rows.append(_placed(stop.first, ranges, mount, pose, pose, True, len(group_stops), noise))
+        rows.append(_placed(stop.first, beams, mount, pose, pose, True, len(group_stops), noise))
         group_stops.append(index)
     for drive in sorted({number for _, _, number in drives}):
         for scan, pose, number in drives:
@@ -110,11 +112,19 @@ def gather_scans(
                 height = float(mount[2, 3])
                 seconds = scan.sweep_seconds
                 end = trajectory.at(scan.stamp_ns + round(max(seconds, 0.0) * 1e9))
-                ranges = _cleaned(scan)
+                beams = _cleaned(scan)
                 group, noise = len(group_stops), range_noise
-                rows.append(_placed(scan, ranges, mount, pose, end, False, group, noise))
+                rows.append(_placed(scan, beams, mount, pose, end, False, group, noise))
         group_stops.append(-1)
     return _stacked(rows, group_stops, height) if rows else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Beams:
+    """A scan's ranges (n,), and which of them (n,) were filled in."""
+
+    ranges: Floats
+    bridged: Bools
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +132,7 @@ class _Row:
     origins: Floats
     angles: Floats
     ranges: Floats
+    bridged: Bools
     pivot: Floats
     standing: bool
     group: int
@@ -133,21 +144,22 @@ class _Stop:
 
     def __init__(self) -> None:
         self.first: LaserScan | None = None
-        self.ranges: list[Floats] = []
+        self.scans: list[_Beams] = []
 
     def add(self, scan: LaserScan) -> None:
         if self.first is None:
             self.first = scan
         if len(scan.ranges) == len(self.first.ranges):
-            self.ranges.append(_cleaned(scan))
+            self.scans.append(_cleaned(scan))
 
-    def combined(self, noise: float) -> tuple[Floats, float]:
+    def combined(self, noise: float) -> tuple[_Beams, float]:
         """Return the beams' ranges, inf where most scans lost them, and the ranges' noise."""
-        stack = np.stack(self.ranges)
+        stack = np.stack([scan.ranges for scan in self.scans])
         beams = combine_beams(stack)
         lost = np.isinf(stack).mean(axis=0) >= 0.5
         ranges = np.where(beams.seen, beams.mean, np.where(lost, np.inf, np.nan))
-        return ranges, noise / float(np.sqrt(len(stack)))
+        bridged = np.mean([scan.bridged for scan in self.scans], axis=0) >= 0.5
+        return _Beams(ranges, bridged), noise / float(np.sqrt(len(stack)))
 
 
 def _of_drives(stamps_ns: Ints, trajectory: Trajectory, centre: Floats, most: int) -> Ints:
@@ -186,8 +198,8 @@ def _roughly_at(trajectory: Trajectory, stamps_ns: Ints) -> Floats:
     return np.asarray((1 - fraction) * poses[after - 1] + fraction * poses[after])
 
 
-def _cleaned(scan: LaserScan) -> Floats:
-    """Return (n,) ranges: inf where nothing came back, NaN where nothing is known."""
+def _cleaned(scan: LaserScan) -> _Beams:
+    """Return the ranges: inf where nothing came back, NaN where nothing is known."""
     ranges = scan.ranges.astype(np.float64)
     far = scan.range_max if scan.range_max > scan.range_min else np.inf
     unknown = np.isnan(ranges) | (ranges <= max(scan.range_min, 0.0))
@@ -197,24 +209,25 @@ def _cleaned(scan: LaserScan) -> Floats:
     return _bridged(np.where(lost, np.inf, np.where(unknown, unknown_value, ranges)))
 
 
-def _bridged(ranges: Floats) -> Floats:
+def _bridged(ranges: Floats) -> _Beams:
     """Fill gaps of one or two lost beams between beams of one depth: these hit one surface."""
     hit = np.flatnonzero(np.isfinite(ranges))
     before, after = hit[:-1], hit[1:]
     gap = after - before
     same = np.abs(ranges[after] - ranges[before]) < _ONE_DEPTH
-    filled = ranges.copy()
+    filled, bridged = ranges.copy(), np.zeros(len(ranges), dtype=bool)
     for missing in (1, 2):
         at = before[same & (gap > missing) & (gap <= _LOST + 1)] + missing
+        bridged[at] = True
         filled[at] = 0.5 * (
             ranges[at - missing] + ranges[after[np.searchsorted(before, at - missing)]]
         )
-    return filled
+    return _Beams(filled, bridged)
 
 
 def _placed(
     scan: LaserScan,
-    ranges: Floats,
+    scanned: _Beams,
     mount: Floats,
     start: Pose2,
     end: Pose2,
@@ -235,9 +248,11 @@ def _placed(
         [np.cos(yaw) * mx - np.sin(yaw) * my, np.sin(yaw) * mx + np.cos(yaw) * my], axis=1
     )
     origins, angles = base + lever, angles + yaw
+    ranges, bridged = scanned.ranges, scanned.bridged
     if angles[-1] < angles[0]:  # mounted upside down, or turning clockwise
-        origins, angles, ranges = origins[::-1], angles[::-1], ranges[::-1]
-    return _Row(origins, angles, ranges, base[0], standing, group, noise)
+        origins, angles = origins[::-1], angles[::-1]
+        ranges, bridged = ranges[::-1], bridged[::-1]
+    return _Row(origins, angles, ranges, bridged, base[0], standing, group, noise)
 
 
 def _stacked(rows: list[_Row], group_stops: list[int], height: float) -> Scans:
@@ -245,15 +260,17 @@ def _stacked(rows: list[_Row], group_stops: list[int], height: float) -> Scans:
     origins = np.zeros((len(rows), beams, 2))
     angles = np.zeros((len(rows), beams))
     ranges = np.full((len(rows), beams), np.nan)
+    bridged = np.zeros((len(rows), beams), dtype=bool)
     for i, row in enumerate(rows):
         n = len(row.ranges)
         origins[i, :n], origins[i, n:] = row.origins, row.origins[-1]
         angles[i, :n], angles[i, n:] = row.angles, row.angles[-1]
-        ranges[i, :n] = row.ranges
+        ranges[i, :n], bridged[i, :n] = row.ranges, row.bridged
     return Scans(
         origins=origins,
         angles=angles,
         ranges=ranges,
+        bridged=bridged,
         pivots=np.stack([row.pivot for row in rows]),
         spacing=np.array(
             [(row.angles[-1] - row.angles[0]) / (len(row.angles) - 1) for row in rows]

@@ -18,6 +18,7 @@ from tablemap.stages.legs.posts import accept_posts
 from tablemap.stages.legs.result import Legs, RejectedCluster
 from tablemap.stages.legs.scans import Scans, gather_scans
 from tablemap.stages.legs.shapes import refine
+from tablemap.stages.legs.silent import silent_legs
 from tablemap.stages.legs.silhouettes import Walls
 from tablemap.stages.registration import Registration
 from tablemap.stages.snapshots import Snapshot
@@ -87,6 +88,7 @@ def find_legs(
             return reach(snapshots, poses, place, radius, min(0.1, highest), highest)
 
         legs += infer_missing(legs, candidates, scans, looked, frame, config=config)
+        warnings += silent_legs(legs, scans, frame)
     rejected = [
         RejectedCluster(float(c.place[0]), float(c.place[1]), c.points, c.reason)
         for c in candidates

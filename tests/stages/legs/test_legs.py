@@ -8,35 +8,17 @@ import numpy as np
 import pytest
 from shapely.geometry import Point, Polygon
 
-from tablemap.config import LegsConfig, SensorsConfig
+from tablemap.config import LegsConfig
 from tablemap.geometry import Floats, Pose2
 from tablemap.model.outlines import simple_polygon
-from tablemap.stages.legs import Leg, Legs, find_legs
+from tablemap.stages.legs import Leg, find_legs
 from tablemap.stages.legs.adjoining import find_adjoining
 from tablemap.stages.legs.depth import Reach
 from tablemap.stages.legs.layout import Frame
 from tablemap.stages.legs.missing import infer_missing
 from tablemap.stages.legs.shapes import seen_in_part
 from tablemap.stages.surface import FittedFigure
-from tests.making.leg_scenes import Scene, drive, four
-
-SENSORS = SensorsConfig()
-
-TABLE = Pose2(0.4, -0.3, 0.6)
-ROOM = [(-3, -3, 3, -3), (3, -3, 3, 3), (3, 3, -3, 3), (-3, 3, -3, -3)]
-
-
-def _found(scene: Scene, seed: int = 0, **settings: object) -> Legs:
-    rng = np.random.default_rng(seed)
-    arguments = {"scans_between": 8, "scans_per_stop": 4, **settings}
-    given = drive(scene, rng, **arguments)  # type: ignore[arg-type]
-    return find_legs(*given, config=LegsConfig(), sensors=SENSORS)
-
-
-def _errors(legs: Legs, truth: Floats) -> Floats:
-    """Return each true leg's distance to the nearest found one."""
-    places = np.array([[leg.x, leg.y] for leg in legs.legs])
-    return np.linalg.norm(truth[:, None] - places[None], axis=2).min(axis=1)
+from tests.making.leg_scenes import ROOM, SENSORS, TABLE, Scene, drive, errors_of, four, legs_of
 
 
 def _chair(at: Pose2) -> list[tuple[float, ...]]:
@@ -56,9 +38,9 @@ def test_four_round_legs_are_placed_to_millimetres() -> None:
     scene = Scene(table=TABLE, walls=ROOM)
     truth = four(scene)
     scene.circles = [(x, y, 0.025) for x, y in truth]
-    legs = _found(scene)
+    legs = legs_of(scene)
     assert len(legs.legs) == 4
-    assert _errors(legs, truth).max() < 0.004
+    assert errors_of(legs, truth).max() < 0.004
     for leg in legs.legs:
         assert leg.shape == "circle" and leg.status == "measured"
         diameter = leg.dimensions["diameter"]
@@ -88,9 +70,9 @@ def test_square_legs_are_told_from_round_ones() -> None:
     scene = Scene(table=TABLE, walls=ROOM)
     truth = four(scene)
     scene.boxes = [(x, y, 0.06, 0.06, TABLE.yaw) for x, y in truth]
-    legs = _found(scene)
+    legs = legs_of(scene)
     assert len(legs.legs) == 4
-    assert _errors(legs, truth).max() < 0.004
+    assert errors_of(legs, truth).max() < 0.004
     for leg in legs.legs:
         assert leg.shape == "rectangle"
         assert leg.dimensions["length"].value == pytest.approx(0.06, abs=0.0025)
@@ -103,22 +85,22 @@ def test_poses_off_by_5_mm_cost_no_leg_and_sigmas_say_so() -> None:
     scene = Scene(table=TABLE, walls=ROOM)
     truth = four(scene)
     scene.circles = [(x, y, 0.03) for x, y in truth]
-    legs = _found(scene, seed=3, pose_sigma=0.005, drive_sigma=0.008)
-    errors = _errors(legs, truth)
+    legs = legs_of(scene, seed=3, pose_sigma=0.005, drive_sigma=0.008)
+    errors = errors_of(legs, truth)
     assert len(legs.legs) == 4
     assert errors.max() < 0.009
     sigmas = np.array([leg.position_sigma for leg in legs.legs], dtype=np.float64)
     assert errors.max() < 3.5 * sigmas.max()
 
 
-def test_metal_legs_of_one_centimetre_are_found() -> None:
+def test_metal_legs_of_one_centimetre_arelegs_of() -> None:
     """A thin leg falls between beams at times: the views together find it."""
     scene = Scene(table=TABLE, walls=ROOM)
     truth = four(scene)
     scene.circles = [(x, y, 0.006) for x, y in truth]
-    legs = _found(scene)
+    legs = legs_of(scene)
     assert len(legs.legs) == 4
-    assert _errors(legs, truth).max() < 0.005
+    assert errors_of(legs, truth).max() < 0.005
     assert legs.legs[0].dimensions["diameter"].value == pytest.approx(0.012, abs=0.003)
 
 
@@ -129,9 +111,9 @@ def test_wall_beside_the_table_is_no_leg() -> None:
     scene.walls = [(-2.5, behind, 2.5, behind), (2.5, behind, 2.5, 3), (-2.5, behind, -2.5, 3)]
     truth = four(scene)
     scene.boxes = [(x, y, 0.05, 0.05, 0.0) for x, y in truth]
-    legs = _found(scene, arc=np.pi, stops=6)
+    legs = legs_of(scene, arc=np.pi, stops=6)
     assert len(legs.legs) == 4
-    assert _errors(legs, truth).max() < 0.006
+    assert errors_of(legs, truth).max() < 0.006
 
 
 def test_chairs_pushed_in_are_refused_with_reasons() -> None:
@@ -141,9 +123,9 @@ def test_chairs_pushed_in_are_refused_with_reasons() -> None:
     scene.boxes = [(x, y, 0.06, 0.06, TABLE.yaw) for x, y in truth]
     for place in (Pose2(0.25, 0.45, np.pi / 2), Pose2(-0.2, -0.45, -np.pi / 2)):
         scene.boxes += _chair(TABLE @ place)
-    legs = _found(scene, with_depth=True)
+    legs = legs_of(scene, with_depth=True)
     assert len(legs.legs) == 4
-    assert _errors(legs, truth).max() < 0.006
+    assert errors_of(legs, truth).max() < 0.006
     assert len(legs.rejected) >= 4
     assert all(cluster.reason for cluster in legs.rejected)
 
@@ -152,7 +134,7 @@ def test_pedestal_is_one_leg_in_the_middle() -> None:
     """A round table on a column of 10 cm."""
     scene = Scene(table=Pose2(0.2, 0.1), length=0.9, width=0.9, shape="circle", walls=ROOM)
     scene.circles = [(0.2, 0.1, 0.05)]
-    legs = _found(scene)
+    legs = legs_of(scene)
     assert [leg.shape for leg in legs.legs] == ["circle"]
     assert legs.legs[0].dimensions["diameter"].value == pytest.approx(0.1, abs=0.003)
     assert np.hypot(legs.legs[0].x - 0.2, legs.legs[0].y - 0.1) < 0.004
@@ -163,9 +145,9 @@ def test_panels_are_rectangles_across_the_table() -> None:
     scene = Scene(table=TABLE, walls=ROOM)
     truth = TABLE.apply(np.array([[0.5, 0.0], [-0.5, 0.0]]))
     scene.boxes = [(x, y, 0.025, 0.6, TABLE.yaw) for x, y in truth]
-    legs = _found(scene)
+    legs = legs_of(scene)
     assert len(legs.legs) == 2
-    assert _errors(legs, truth).max() < 0.006
+    assert errors_of(legs, truth).max() < 0.006
     for leg in legs.legs:
         assert leg.dimensions["length"].value == pytest.approx(0.6, abs=0.01)
         assert leg.dimensions["width"].value == pytest.approx(0.025, abs=0.008)
@@ -206,7 +188,7 @@ def test_results_repeat_bit_for_bit() -> None:
 
 def test_bare_floor_gives_a_warning_and_no_leg() -> None:
     """Nothing under the top: an empty result that says so."""
-    legs = _found(Scene(table=TABLE, walls=ROOM), scans_between=0)
+    legs = legs_of(Scene(table=TABLE, walls=ROOM), scans_between=0)
     assert legs.legs == ()
     assert [warning.code for warning in legs.warnings] == ["legs.none_found"]
 
@@ -216,17 +198,17 @@ def test_depth_alone_places_legs_to_a_centimetre() -> None:
     scene = Scene(table=TABLE)
     truth = four(scene)
     scene.boxes = [(x, y, 0.06, 0.06, TABLE.yaw) for x, y in truth]
-    legs = _found(scene, with_depth=True, laser=False, scans_between=0, scans_per_stop=1)
+    legs = legs_of(scene, with_depth=True, laser=False, scans_between=0, scans_per_stop=1)
     assert "legs.no_laser" in [warning.code for warning in legs.warnings]
     assert len(legs.legs) == 4
-    assert _errors(legs, truth).max() < 0.015
+    assert errors_of(legs, truth).max() < 0.015
     assert all(leg.position_sigma and leg.position_sigma >= 0.005 for leg in legs.legs)
 
 
 def test_one_stop_is_enough_for_no_crash() -> None:
     """A single view ends in a result, whatever it holds."""
     scene = Scene(table=TABLE, walls=ROOM, circles=[(*p, 0.025) for p in four(Scene(table=TABLE))])
-    legs = _found(scene, stops=1)
+    legs = legs_of(scene, stops=1)
     assert len(legs.legs) <= 4
 
 
@@ -243,7 +225,7 @@ def test_panels_seen_along_their_faces_stay_whole() -> None:
     ]
     legs = find_legs(*given, config=LegsConfig(), sensors=SENSORS)
     assert len(legs.legs) == 2
-    assert _errors(legs, truth).max() < 0.006
+    assert errors_of(legs, truth).max() < 0.006
     for leg in legs.legs:
         assert leg.dimensions["length"].value == pytest.approx(0.8, abs=0.012)
         assert leg.dimensions["width"].value == pytest.approx(0.03, abs=0.010)
@@ -255,7 +237,7 @@ def test_a_leg_that_a_box_hides_is_inferred() -> None:
     truth = four(scene)
     scene.circles = [(x, y, 0.03) for x, y in truth[:3]]
     scene.boxes = [(*truth[3], 0.3, 0.3, TABLE.yaw, 0.0, 0.6)]
-    legs = _found(scene)
+    legs = legs_of(scene)
     inferred = [leg for leg in legs.legs if leg.status == "inferred"]
     assert len(legs.legs) == 4 and len(inferred) == 1
     assert np.hypot(inferred[0].x - truth[3][0], inferred[0].y - truth[3][1]) < 0.01
@@ -268,7 +250,7 @@ def test_a_corner_that_is_open_has_no_leg() -> None:
     """Three legs and a corner that the laser sees through: nothing is put there."""
     scene = Scene(table=TABLE, walls=ROOM)
     scene.circles = [(x, y, 0.03) for x, y in four(scene)[:3]]
-    legs = _found(scene)
+    legs = legs_of(scene)
     assert [leg.status for leg in legs.legs] == ["measured"] * 3
 
 
@@ -319,9 +301,9 @@ def test_legs_close_before_a_wall_are_told_from_it() -> None:
     truth = four(scene)
     scene.boxes = [(x, y, 0.05, 0.05, 0.0) for x, y in truth]
     scene.boxes.append((0.0, wall - 0.1, 5.0, 0.2, 0.0, 0.0, 2.0))
-    legs = _found(scene, arc=np.pi, stops=6, with_depth=True)
+    legs = legs_of(scene, arc=np.pi, stops=6, with_depth=True)
     assert len(legs.legs) == 4
-    assert _errors(legs, truth).max() < 0.012
+    assert errors_of(legs, truth).max() < 0.012
 
 
 def sized(diameter: float) -> Leg:
