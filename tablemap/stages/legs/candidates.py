@@ -15,7 +15,7 @@ from tablemap.stages.legs.depth import Reach, reach
 from tablemap.stages.legs.evidence import STOP_POSITION_SIGMA, LegEvidence, gather_evidence, thinned
 from tablemap.stages.legs.fit import Fit, Priors, criterion, fit_alone
 from tablemap.stages.legs.layout import Frame, rectangles, table_sets
-from tablemap.stages.legs.primitives import sizes_of
+from tablemap.stages.legs.primitives import chords, sizes_of
 from tablemap.stages.legs.scans import Scans
 from tablemap.stages.legs.silhouettes import Segments, Walls, beam_points, find_segments
 from tablemap.stages.snapshots import Snapshot
@@ -29,6 +29,10 @@ _APART = 0.05  # metres, or its size: a fit that ends farther from its cluster f
 _JUST_BELOW = 0.06  # metres: the depth camera need not see this part just under the top
 _UPPER_PART = 0.6  # of the top's height: below it, legs and clutter look alike
 _ROUGHNESS, _ROUGHNESS_SHARE = 0.02, 0.1  # metres, share of its size: scatter of a leg's outline
+_PANEL = 2.0  # times its width: a shorter thing is a block, not a panel
+_BULKY = 0.1  # metres: the laser tells whether wider things are solid
+_INSIDE, _INSIDE_SHARE = 0.05, 0.25  # metres, share of a beam's way through: ends in there
+_HOLLOW = 0.2  # of the beams that end inside a thing: it is not one solid thing
 
 # The evidence for and against a leg, in one unit. A candidate that the depth camera saw reach the
 # top is a leg unless it stands like a chair's. Without such a look, its place must speak for it.
@@ -46,7 +50,11 @@ _LEAST_FOR_A_LEG = 1.0
 
 @dataclass(frozen=True, eq=False)
 class LegCandidate:
-    """A cluster with its own fits by kind. ``reason`` says why it is no leg (None: it is one)."""
+    """A cluster with its own fits by kind.
+
+    ``reason`` says why it is no leg (None: it is one). ``is_open`` tells that the laser says too
+    little of it, or sees something else at its foot: the depth camera may still find a leg there.
+    """
 
     cluster: Cluster
     place: Floats
@@ -56,6 +64,7 @@ class LegCandidate:
     stayed: Persistence
     reach: Reach
     reason: str | None
+    is_open: bool = False
 
     @property
     def kind(self) -> ShapeRecord:
@@ -116,15 +125,15 @@ def _judged(
         return replace(found, reason=f"stands {100 * -inset:.0f} cm beyond the top")
     stops = len(np.unique(scans.groups[own.view]))
     if stops < min(2, len(scans.group_stops)):
-        return replace(found, reason="seen from one stop alone")
+        return replace(found, reason="seen from one stop alone", is_open=True)
     evidence = gather_evidence(scans, points, own, own)
     if len(evidence.sigma) < _LEAST_TANGENTS:
-        return replace(found, reason="too little of its outline was seen")
+        return replace(found, reason="too little of its outline was seen", is_open=True)
     fits = _own_fits(cluster, evidence, frame, sensors)
     found = replace(found, evidence=evidence, fits=fits)
     place = fits[found.kind].parameters[0, :2]
     if np.linalg.norm(place - cluster.centre) > max(_APART, cluster.size):
-        return replace(found, reason="its silhouettes do not agree on a place")
+        return replace(found, reason="its silhouettes do not agree on a place", is_open=True)
     found = replace(found, place=place)
     size = found.size
     stayed = (
@@ -136,7 +145,39 @@ def _judged(
     lowest = max(seat, _UPPER_PART * frame.surface.height.value)
     looked = reach(snapshots, poses, place, 0.5 * size, lowest, highest)
     found = replace(found, stayed=stayed, reach=looked)
-    return replace(found, reason=_objection(found, frame, config))
+    found = replace(found, reason=_objection(found, frame, config))
+    if found.reason is not None:
+        return found
+    fit = fits[found.kind]
+    if fit.rms[0] > _ROUGHNESS + _ROUGHNESS_SHARE * size:
+        return replace(found, reason="its silhouettes do not agree on a shape", is_open=True)
+    inside = _share_inside(scans, fit)
+    if inside > _HOLLOW:
+        reason = (
+            f"{100 * size:.0f} cm across and not solid: {100 * inside:.0f} % of the laser's beams "
+            "at it end inside; it is a base with arms, or several things"
+        )
+        return replace(found, reason=reason, is_open=True)
+    return found
+
+
+def _share_inside(scans: Scans, fit: Fit) -> float:
+    """Return the share of beams through the middle of a bulky thing that end well inside it."""
+    values = fit.parameters[0]
+    narrow = float(values[sizes_of(fit.kind)].min())
+    if narrow < _BULKY:
+        return 0.0
+    origins, ranges = scans.origins.reshape(-1, 2), scans.ranges.ravel()
+    angles = scans.angles.ravel()
+    rays = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    first, last = chords(fit.kind, values, origins, rays)
+    through = last - first
+    with np.errstate(invalid="ignore"):
+        deep = np.maximum(_INSIDE, _INSIDE_SHARE * through)
+        met = (first > 0.0) & (through > 0.5 * narrow) & np.isfinite(ranges)
+        met &= (ranges > first - deep) & ~scans.bridged.ravel()
+        inside = met & (ranges > first + deep)
+    return float(inside.sum() / max(met.sum(), 1))
 
 
 def _own_fits(
@@ -174,16 +215,14 @@ def _objection(found: LegCandidate, frame: Frame, config: LegsConfig) -> str | N
     central = frame.is_central(found.place)
     if found.kind is RECTANGLE:
         length, width = np.sort(found.fits[RECTANGLE].parameters[0, sizes_of(RECTANGLE)])[::-1]
-        panel = width <= config.largest_slender and length <= 2.0 * frame.half.max() + 0.1
+        thin = config.largest_slender if length > _PANEL * width else config.largest_leg
+        panel = width <= thin and length <= 2.0 * frame.half.max() + 0.1
     else:
         width, panel = size, size <= config.largest_leg
     if not panel and not (central and size <= config.largest_pedestal):
         return f"{100 * size:.0f} cm by {100 * width:.0f} cm: too large for a leg"
     if size < config.smallest_leg:
         return f"{1000 * size:.0f} mm across: too thin for a leg"
-    fit = found.fits[found.kind]
-    if fit.rms[0] > _ROUGHNESS + _ROUGHNESS_SHARE * size:
-        return "its silhouettes do not agree on a shape"
     if found.cluster.slender and found.reach.is_free:
         return (
             f"does not reach the top: the depth camera saw through between them "

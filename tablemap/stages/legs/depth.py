@@ -153,6 +153,7 @@ def find_posts(
     upper = filled[..., layers // 2 :].mean(axis=2)
     solid = (share >= 0.3) & (upper >= 0.3)
     labels, count = ndimage.label(solid, structure=np.ones((3, 3)))
+    middle = low + 0.5 * layers * _LAYER
     posts = []
     for k in range(1, count + 1):
         own = labels == k
@@ -160,7 +161,9 @@ def find_posts(
         centre = np.array([x0, y0]) + (cells.mean(axis=0) + 0.5) * _CELL
         size = float(np.max(np.ptp(cells, axis=0) + 1) * _CELL)
         column = filled[own].any(axis=0)
-        posts.append(_post(snapshots, poses, by_view, centre, size, column, config, sensors))
+        posts.append(
+            _post(snapshots, poses, by_view, centre, size, column, middle, config, sensors)
+        )
     return [post for post in posts if post is not None]
 
 
@@ -171,10 +174,14 @@ def _post(
     centre: Floats,
     size: float,
     column: Bools,
+    middle: float,
     config: LegsConfig,
     sensors: SensorsConfig,
 ) -> Post | None:
-    """Describe one connected column: its silhouette and face in every view that saw it."""
+    """Describe one connected column: its silhouette and face in every view that saw it.
+
+    ``middle`` is half of its height, metres.
+    """
     normals, points, levers = [], [], []
     sigmas: list[float] = []
     groups: list[int] = []
@@ -198,11 +205,14 @@ def _post(
         lateral = 1.5 * _STRIDE * distance / snapshots[index].camera.fx
         around_aside, around_along = (cloud[:, :2] - eye) @ left, (cloud[:, :2] - eye) @ sight
         around = np.abs(around_along - front - 0.025) < 0.075
+        # A surface beside it at its depth (a wall close behind) hides its edge. What is low, as an
+        # arm of its base or a box, leaves the edge of its upper half.
+        upper_face, upper_around = face & (own[:, 2] > middle), around & (cloud[:, 2] > middle)
         for side in (-1.0, 1.0):
-            edge = float(np.percentile(aside[face] * side, 97))
-            beyond = around_aside[around] * side - edge
-            # A surface beside it at its depth (a wall close behind) hides its edge.
-            if ((beyond > 0.01) & (beyond < 0.05)).sum() >= _LEAST_PIXELS:
+            edge = _edge(side * aside[face], side * around_aside[around])
+            if edge is None:
+                edge = _edge(side * aside[upper_face], side * around_aside[upper_around])
+            if edge is None:
                 continue
             point = eye + sight * (front + 0.01) + left * side * edge
             normals.append(left * side)
@@ -240,3 +250,17 @@ def _post(
     elif filled < 0.6 or upper < 0.6:
         reason = f"fills {100 * filled:.0f} % of the height under the top: it carries nothing"
     return Post(centre, size, evidence, np.concatenate(collected), len(collected), filled, reason)
+
+
+def _edge(face: Floats, around: Floats) -> float | None:
+    """Return where a face ends on one side, None if a surface goes on beside it.
+
+    ``face`` (n,) and ``around`` (m,) are places along that side, metres, of the face's points and
+    of all points at its depth.
+    """
+    if len(face) < _LEAST_PIXELS:
+        return None
+    edge = float(np.percentile(face, 97))
+    beyond = around - edge
+    hidden = ((beyond > 0.01) & (beyond < 0.05)).sum() >= _LEAST_PIXELS
+    return None if hidden else edge

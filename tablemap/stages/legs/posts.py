@@ -41,7 +41,8 @@ def accept_posts(
     sensors: SensorsConfig,
 ) -> tuple[list[Leg], list[RejectedCluster]]:
     """Return the posts that are new legs, and the rejected ones with their reasons."""
-    taken = [np.array([leg.x, leg.y]) for leg in legs] + [c.place for c in candidates]
+    taken = [np.array([leg.x, leg.y]) for leg in legs]
+    taken += [candidate.place for candidate in candidates if not candidate.is_open]
     fitted: list[_Fitted] = []
     refused: list[RejectedCluster] = []
     for post in posts:

@@ -103,3 +103,27 @@ def surface_distance(
             [-normals, np.where(end, half, 0.0), np.where(end, 0.0, half), turn]
         )
     return -enter * cosine, normals, slope, ok.astype(np.float64)
+
+
+def chords(
+    kind: ShapeRecord, values: Floats, origins: Floats, rays: Floats
+) -> tuple[Floats, Floats]:
+    """Return the distances (n,) along rays at which they enter and leave the shape, NaN beside it.
+
+    ``origins`` and ``rays`` are (n, 2); the rays are unit vectors.
+    """
+    offset = origins - values[:2]
+    if kind is CIRCLE:
+        along = -np.einsum("ij,ij->i", offset, rays)
+        square = (0.5 * values[2]) ** 2 - np.einsum("ij,ij->i", offset, offset) + along**2
+        half = np.sqrt(np.where(square > 0.0, square, np.nan))
+        return along - half, along + half
+    length, width, yaw = values[2], values[-2], values[-1]
+    axes = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
+    at, towards = offset @ axes.T, rays @ axes.T
+    towards = np.where(np.abs(towards) < 1e-9, 1e-9, towards)
+    reach = 0.5 * np.array([length, width])
+    first = ((-np.sign(towards) * reach - at) / towards).max(axis=1)
+    last = ((np.sign(towards) * reach - at) / towards).min(axis=1)
+    met = first < last
+    return np.where(met, first, np.nan), np.where(met, last, np.nan)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -31,6 +31,24 @@ _ELONGATED = 1.25
 _RARE = 6.0
 _TELLING = 30  # fewest residuals from which a spread is measured
 _LEAST = 0.2  # of an assumed sigma: equal residuals must not make it zero
+_THIN, _LONG = 0.1, 3.0  # metres, times the larger side of a usual leg: a panel
+LARGEST_SIGMA = 0.025
+"""A thing whose place is less sure than this is no measured leg, metres."""
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """The legs that the laser measured, and what all of them share.
+
+    - ``legs``: those whose place is known
+    - ``unsure``: the candidates whose place is not, with their reason
+    - ``beam_half_width``, ``range_bias``: radians and metres, of the laser; None without legs
+    """
+
+    legs: list[Leg]
+    unsure: list[LegCandidate]
+    beam_half_width: float | None
+    range_bias: float | None
 
 
 def refine(
@@ -40,18 +58,20 @@ def refine(
     frame: Frame,
     *,
     sensors: SensorsConfig,
-) -> tuple[list[Leg], float | None, float | None]:
-    """Fit the legs together; return the legs, the beam's half width and the range bias.
+) -> Refined:
+    """Fit the legs together.
 
-    Legs whose own sizes agree get one shape and one size, as legs of a table are made alike.
+    Legs whose own sizes agree get one shape and one size, as legs of a table are made alike. One
+    whose place stays unsure is none.
     """
     if scans is None or not accepted:
-        return [], None, None
+        return Refined([], [], None, None)
     covariance = _pose_covariance(scans, registration)
     information = np.linalg.inv(covariance).astype(np.float64)
     fitted: list[list[Leg]] = []
     beam = bias = None
-    for group in _alike(accepted):
+    groups = _alike(accepted)
+    for group in groups:
         evidence = [c.evidence for c in group if c.evidence is not None]
         rough = _best(group, evidence, (group[0].kind,), information, frame, sensors)
         evidence = _weighted(evidence, rough, scans)
@@ -72,26 +92,49 @@ def refine(
         )
         if beam is None:
             beam, bias = fit.beam_half_width, fit.range_bias
-    return seen_in_part(fitted), beam, bias
+    legs: list[Leg] = []
+    unsure: list[LegCandidate] = []
+    # Those that are alike come first: the first leg is the pattern of one that is inferred.
+    usual = max(range(len(groups)), key=lambda k: len(groups[k]))
+    order = sorted(range(len(groups)), key=lambda k: k != usual)
+    members = [candidate for k in order for candidate in groups[k]]
+    for candidate, leg in zip(members, seen_in_part([fitted[k] for k in order]), strict=True):
+        sigma = leg.position_sigma
+        if sigma is not None and sigma <= LARGEST_SIGMA:
+            legs.append(leg)
+            continue
+        size = " by ".join(f"{100 * side:.0f} cm" for side in _sizes(leg))
+        known = "not known" if sigma is None else f"known to {100 * sigma:.0f} cm only"
+        reason = f"{size}, unlike the other legs: its place is {known}"
+        unsure.append(replace(candidate, reason=reason, is_open=True))
+    return Refined(legs, unsure, beam, bias)
 
 
 def seen_in_part(groups: list[list[Leg]]) -> list[Leg]:
     """Widen the places of legs that differ in size from at least two that are alike.
 
     Legs of a table are made alike: one that differs was probably seen in part, as beside a wall.
-    Then its middle may be off by half of what was not seen.
+    Then its middle may be off by half of what was not seen. A panel is not made like the legs. The
+    legs come out in their order.
     """
     usual = max(groups, key=len)
     if len(usual) < 2:
         return [leg for group in groups for leg in group]
-    legs = list(usual)
-    for leg in (leg for group in groups if group is not usual for leg in group):
-        hidden = max(abs(end(_sizes(leg)) - end(_sizes(usual[0]))) for end in (min, max))
-        own = leg.position_sigma
-        legs.append(
-            replace(leg, position_sigma=None if own is None else float(np.hypot(own, hidden / 2)))
-        )
+    legs: list[Leg] = []
+    for group in groups:
+        for leg in group:
+            hidden = max(abs(end(_sizes(leg)) - end(_sizes(usual[0]))) for end in (min, max))
+            own = leg.position_sigma
+            if group is not usual and own is not None and not _is_panel(leg, usual[0]):
+                leg = replace(leg, position_sigma=float(np.hypot(own, hidden / 2)))
+            legs.append(leg)
     return legs
+
+
+def _is_panel(leg: Leg, usual: Leg) -> bool:
+    """Tell whether a leg is a panel: thin, and far longer than the usual legs."""
+    short, long = min(_sizes(leg)), max(_sizes(leg))
+    return short < _THIN and long > _LONG * max(short, *_sizes(usual))
 
 
 def _sizes(leg: Leg) -> list[float]:

@@ -70,7 +70,8 @@ def find_legs(
             )
             candidates = judge(candidates, frame)
         accepted = [candidate for candidate in candidates if candidate.reason is None]
-        legs, beam, bias = refine(accepted, scans, registration, frame, sensors=sensors)
+        refined = refine(accepted, scans, registration, frame, sensors=sensors)
+        candidates = [c for c in candidates if c.reason is not None] + refined.unsure
         posts = find_posts(
             snapshots,
             poses,
@@ -80,8 +81,8 @@ def find_legs(
             config=config,
             sensors=sensors,
         )
-        more, refused = accept_posts(posts, legs, candidates, scans, frame, sensors=sensors)
-        legs = legs + more
+        more, refused = accept_posts(posts, refined.legs, candidates, scans, frame, sensors=sensors)
+        legs = refined.legs + more
         highest = surface.height.value - 0.06
 
         def looked(place: Floats, radius: float) -> Reach:
@@ -113,7 +114,14 @@ def find_legs(
     if is_two_tables(frame, places):
         message = "The legs stand like those of two tables that were pushed together."
         warnings.append(_warning("accuracy.two_tables", message))
-    return Legs(tuple(legs), tuple(rejected + refused), evidence, tuple(warnings), beam, bias)
+    return Legs(
+        tuple(legs),
+        tuple(rejected + refused),
+        evidence,
+        tuple(warnings),
+        refined.beam_half_width,
+        refined.range_bias,
+    )
 
 
 def _usable_scans(

@@ -320,3 +320,11 @@ def test_a_leg_unlike_the_others_may_be_half_hidden() -> None:
     assert widened[2].position_sigma == pytest.approx(np.hypot(0.001, 0.015))
     single = seen_in_part([[sized(0.05)], [sized(0.02)]])
     assert [leg.position_sigma for leg in single] == [0.001, 0.001]
+
+
+def test_a_panel_beside_legs_keeps_its_place() -> None:
+    """A desk stands on two legs and a panel: the panel is long, and not half hidden."""
+    size = {"length": FittedFigure(0.6, 0.002), "width": FittedFigure(0.03, 0.002)}
+    panel = replace(sized(0.05), shape="rectangle", dimensions=size)
+    legs = seen_in_part([[panel], [sized(0.05), sized(0.05)]])
+    assert [leg.position_sigma for leg in legs] == [0.001] * 3

@@ -1,0 +1,85 @@
+"""Wide things at the foot of a leg: bases with arms, boxes beside it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tablemap.geometry import Pose2
+from tests.making.leg_scenes import ROOM, TABLE, Scene, errors_of, four, legs_of
+
+MIDDLE = Pose2(0.2, 0.1)
+
+
+def _pedestal() -> Scene:
+    scene = Scene(table=MIDDLE, length=0.9, width=0.9, shape="circle", walls=ROOM)
+    scene.circles = [(MIDDLE.x, MIDDLE.y, 0.035)]
+    return scene
+
+
+@pytest.mark.parametrize("arms", [3, 4, 5])
+def test_of_a_pedestal_on_a_star_the_column_is_the_leg(arms: int) -> None:
+    """The laser cuts the arms: they are no circle, as beams end between them."""
+    scene = _pedestal()
+    for turn in 0.3 + 2 * np.pi * np.arange(arms) / arms:
+        x, y = MIDDLE.apply(0.16 * np.array([np.cos(turn), np.sin(turn)]))
+        scene.boxes.append((x, y, 0.3, 0.05, turn, 0.1, 0.2))
+    legs = legs_of(scene, with_depth=True)
+    assert [leg.seen_by for leg in legs.legs] == ["depth"]
+    assert errors_of(legs, np.array([[MIDDLE.x, MIDDLE.y]])).max() < 0.012
+    assert legs.legs[0].dimensions["diameter"].value == pytest.approx(0.07, abs=0.02)
+    assert any("a base with arms" in one.reason for one in legs.rejected)
+
+
+def test_a_star_without_a_view_of_its_column_is_set_aside() -> None:
+    """The laser alone does not know what stands on the arms, and says so."""
+    scene = _pedestal()
+    for turn in 0.3 + 2 * np.pi * np.arange(5) / 5:
+        x, y = MIDDLE.apply(0.16 * np.array([np.cos(turn), np.sin(turn)]))
+        scene.boxes.append((x, y, 0.3, 0.05, turn, 0.1, 0.2))
+    legs = legs_of(scene)
+    assert legs.legs == ()
+    assert any("a base with arms" in one.reason for one in legs.rejected)
+
+
+def test_a_round_foot_plate_is_a_leg() -> None:
+    """A plate of 45 cm is solid: no beam ends in it."""
+    scene = _pedestal()
+    scene.circles = [(MIDDLE.x, MIDDLE.y, 0.225)]
+    legs = legs_of(scene)
+    assert [leg.seen_by for leg in legs.legs] == ["laser"]
+    assert legs.legs[0].dimensions["diameter"].value == pytest.approx(0.45, abs=0.01)
+
+
+@pytest.mark.parametrize("gap", [0.015, 0.03])
+@pytest.mark.parametrize("sides", [(0.2, 0.2), (0.3, 0.18)], ids=str)
+def test_a_box_beside_a_leg_is_no_leg_and_hides_none(
+    gap: float, sides: tuple[float, float]
+) -> None:
+    """A box that nearly touches a leg is set aside; depth or symmetry keeps the leg."""
+    scene = Scene(table=TABLE, walls=ROOM)
+    truth = four(scene)
+    scene.circles = [(x, y, 0.03) for x, y in truth]
+    local = TABLE.inverse().apply(truth[:1])[0] - [0.03 + gap + 0.5 * sides[0], 0.03]
+    x, y = TABLE.apply(local)
+    scene.boxes = [(x, y, *sides, TABLE.yaw + 0.15, 0.0, 0.25)]
+    legs = legs_of(scene, with_depth=True)
+    assert len(legs.legs) == 4
+    assert errors_of(legs, truth).max() < 0.015
+    for leg in legs.legs:
+        assert max(figure.value for figure in leg.dimensions.values()) < 0.09
+        assert leg.position_sigma is not None and leg.position_sigma < 0.025
+    assert any("too large" in one.reason for one in legs.rejected)
+
+
+def test_two_things_that_touch_are_no_leg() -> None:
+    """A box and a bin are one cluster, unlike the legs and known to decimetres: set aside."""
+    scene = Scene(table=TABLE, length=1.4, width=0.8, walls=ROOM)
+    truth = four(scene)
+    scene.circles = [(x, y, 0.025) for x, y in truth[[0, 1, 3]]]
+    box, drum = TABLE.apply(np.array([[0.2, 0.1], [-0.1, 0.2]]))
+    scene.circles.append((*drum, 0.13))
+    scene.boxes = [(*box, 0.35, 0.2, TABLE.yaw + 0.4, 0.0, 0.6)]
+    legs = legs_of(scene, with_depth=True)
+    assert all(leg.position_sigma and leg.position_sigma < 0.025 for leg in legs.legs)
+    assert any("its place is known to" in one.reason for one in legs.rejected)
