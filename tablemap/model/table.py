@@ -128,6 +128,11 @@ class Edge(Part):
     )
     seen_fraction: Number = Field(description="share of the side's length that was seen, 0 to 1")
 
+    @property
+    def is_straight(self) -> bool:
+        """Whether it is a straight line, no arc."""
+        return len(self.points) == 2
+
 
 class Alternative(Part):
     """Another shape that was weighed, with its posterior weight."""

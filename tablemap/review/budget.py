@@ -44,6 +44,25 @@ class Budgeted(Protocol):
         ...
 
 
+class BudgetedTop(Protocol):
+    """A top whose figures have budgets."""
+
+    @property
+    def dimensions(self) -> Mapping[str, Budgeted]:
+        """The figures by name."""
+        ...
+
+    @property
+    def corner_radius(self) -> Budgeted | None:
+        """The radius of round corners."""
+        ...
+
+    @property
+    def height(self) -> Budgeted:
+        """The height above the floor."""
+        ...
+
+
 @dataclass(frozen=True)
 class Stretch:
     """A part of a bar, from ``start`` to ``end`` (0 to 1), with its name if there is room."""
@@ -67,10 +86,11 @@ class Bar:
     stretches: tuple[Stretch, ...]
 
 
-def bars(figures: Mapping[str, Budgeted]) -> list[Bar]:
-    """Return a bar for each figure that has a budget."""
+def bars(top: BudgetedTop) -> list[Bar]:
+    """Return a bar for each figure of a top that has a budget."""
     result = []
-    for name, figure in figures.items():
+    radius = {"corner radius": top.corner_radius} if top.corner_radius else {}
+    for name, figure in {**top.dimensions, **radius, "height": top.height}.items():
         total = sum(figure.budget.values()) if figure.budget else 0.0
         if figure.sigma is None or figure.budget is None or total <= 0:
             continue

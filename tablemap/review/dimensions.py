@@ -36,9 +36,10 @@ def log_dimensions(
         labels.append(f"{name} {_written(figure)}")
         tints.append(colours.STATUS[figure.status])
     extensions = _extensions(lines, outline, top)
-    if not lines and len(model.surface.edges) <= MOST_LABELLED_EDGES:
+    straight = [edge for edge in model.surface.edges if edge.is_straight]
+    if not lines and len(straight) <= MOST_LABELLED_EDGES:
         polygon = shapely.Polygon(outline)
-        for edge in model.surface.edges:
+        for edge in straight:
             side = np.array(edge.points, dtype=np.float64)
             reach = float(np.linalg.norm(np.diff(side, axis=0), axis=1).sum())
             beside = _beside(side, polygon)

@@ -28,8 +28,9 @@ def model(result: TableModel, *, magnified: tuple[float, float]) -> str:
         for name, one in surface.dimensions.items()
     ]
     sides = ""
-    if not rows and len(surface.edges) <= MOST_SIDES:
-        sides = f"**Sides** {', '.join(f'{length(edge.points):.3f}' for edge in surface.edges)} m"
+    straight = [edge.points for edge in surface.edges if edge.is_straight]
+    if not rows and len(straight) <= MOST_SIDES:
+        sides = f"**Sides** {', '.join(f'{length(points):.3f}' for points in straight)} m"
     rows.append(("height", metres(surface.height.value, surface.height.sigma), ""))
     rows.append(_optional("thickness", surface.thickness))
     if surface.corner_radius is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import rerun as rr
@@ -18,7 +18,7 @@ from tablemap.review.eyes import edges_eye
 from tablemap.review.room import Room
 from tablemap.review.stream import Stream
 from tablemap.stages.outline import EdgeKind, Outline, ViewEdges
-from tablemap.stages.surface import FittedFigure, Surface, SurfaceEdge
+from tablemap.stages.surface import Surface, SurfaceEdge
 
 LIFT = 0.003
 RESIDUAL_LIMIT = 0.005
@@ -126,7 +126,7 @@ class TopDrawing:
                     show_labels=False,
                 ),
             )
-        _log_budget(stream, {**surface.dimensions, "height": surface.height})
+        _log_budget(stream, surface)
         for one in surface.candidates:
             name = f"{one.shape}: {one.score:.3f}"
             path = f"surface/candidates/{one.shape}"
@@ -269,9 +269,9 @@ def _log_unrolled(stream: Stream, surface: Surface) -> None:
     )
 
 
-def _log_budget(stream: Stream, figures: Mapping[str, FittedFigure]) -> None:
+def _log_budget(stream: Stream, surface: Surface) -> None:
     """Draw one bar a figure: the parts of its variance, 100 units wide."""
-    drawn = bars(figures)
+    drawn = bars(surface)
     if not drawn:
         return
     parts = [(row, one) for row, bar in enumerate(drawn) for one in bar.stretches]

@@ -141,7 +141,7 @@ def _model(model: TableModel, name: str, surface: Surface | None, picture: str) 
     if picture:
         yield f"<section><h2>In the camera's image</h2>{picture}</section>"
     yield f"<section><h2>From above</h2>{plan(model)}</section>"
-    drawn = variance_bars({**model.surface.dimensions, "height": model.surface.height})
+    drawn = variance_bars(model.surface)
     if drawn:
         yield f"<section><h2>Where the uncertainty comes from</h2>{drawn}</section>"
     yield "<h2>Sides</h2>"

@@ -62,9 +62,10 @@ def plan(model: TableModel) -> str:
             f'stroke-width="3" stroke-dasharray="{dash}"><title>{edge.status}</title></polyline>'
         )
         sides.append(side)
-    if len(sides) <= MOST_LABELLED_SIDES:
+    if sum(edge.is_straight for edge in surface.edges) <= MOST_LABELLED_SIDES:
         for k, (side, edge) in enumerate(zip(sides, surface.edges, strict=True)):
-            told = "" if surface.dimensions else f"{length(side):.3f} m"
+            is_told = edge.is_straight and not surface.dimensions
+            told = f"{length(side):.3f} m" if is_told else ""
             parts += _beside(k, side, told, STATUS[edge.status][0], pixels)
     parts += _labels(model, outline, pixels)
     for views in from_one_place(list(stops.values())):

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 import shapely
 
 from tablemap import palette
 from tablemap.geometry import Floats
 from tablemap.review import wording
-from tablemap.review.budget import Budgeted, bars
+from tablemap.review.budget import BudgetedTop, bars
 from tablemap.stages.surface import Surface
 from tablemap.words import escape
 
@@ -87,9 +85,9 @@ def histogram(residuals: Floats) -> str:
     )
 
 
-def variance_bars(figures: Mapping[str, Budgeted]) -> str:
+def variance_bars(surface: BudgetedTop) -> str:
     """Return one bar a figure that shows where its variance comes from."""
-    drawn = bars(figures)
+    drawn = bars(surface)
     if not drawn:
         return ""
     left, wide, tall = 190.0, WIDTH - 190.0, 26.0
