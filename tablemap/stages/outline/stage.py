@@ -67,6 +67,9 @@ def find_edges(
     height, height_sigma, scatter = joint_height(
         own, segmentation.height, segmentation.height_sigma
     )
+    if len(own) > 2 and scatter > _UNLIKE:
+        warnings.append(_at_other_heights(own, scatter))
+        height_sigma = float(np.hypot(height_sigma, scatter))
 
     camera = None
     if calibration is not None:
@@ -184,6 +187,21 @@ def _set_aside(snapshot: Snapshot, what: str) -> ProcessWarning:
         "outline",
         f"view {snapshot.index} {what}; it gives no edges",
         snapshot.stamp_ns,
+    )
+
+
+_UNLIKE = 0.0035  # metres; a top that slopes by half a degree makes 2 mm
+
+
+def _at_other_heights(planes: dict[int, ViewPlane], scatter: float) -> ProcessWarning:
+    heights = sorted((plane.height, index) for index, plane in planes.items())
+    (low, lowest), (high, highest) = heights[0], heights[-1]
+    return ProcessWarning(
+        "accuracy.height_scatter",
+        "outline",
+        f"The top's height differs by {1e3 * scatter:.0f} mm from view to view, though the floor "
+        f"was fitted: {low:.3f} m in view {lowest}, {high:.3f} m in view {highest}; the table may "
+        "have been raised, or pressed on, during the drive",
     )
 
 

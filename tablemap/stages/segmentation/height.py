@@ -50,7 +50,8 @@ class Height:
     """A height in metres with its standard deviation, and the views' own planes by snapshot index.
 
     ``scatter`` is the standard deviation between views, metres. ``other_level`` is the height of a
-    second level, a little lower, that may be the top instead; None if there is none.
+    second level, a little lower, that may be the top instead; None if there is none. ``elsewhere``
+    has the heights in the views whose surface at the table's place is at another one.
     """
 
     value: float
@@ -58,6 +59,7 @@ class Height:
     planes: dict[int, Plane]
     scatter: float
     other_level: float | None = None
+    elsewhere: tuple[float, ...] = ()
 
 
 def region(view: SampledView, candidate: TableCandidate, reach: float, among: Bools) -> Bools:
@@ -101,9 +103,12 @@ def joint_height(
     ]
     planes: dict[int, Plane] = {}
     weights: list[float] = []
+    elsewhere: list[float] = []
     for view, near, place in zip(views, samples, places, strict=True):
         found = _view_height(view, near, place, level.height, sensors)
-        if found is not None:
+        if found is None:
+            elsewhere += _level_elsewhere(view, candidate)
+        else:
             planes[view.snapshot.index], sigma, pixels = found
             weights.append(min(pixels, 20_000) / (sigma**2 + 0.002**2))
     if not planes:
@@ -119,6 +124,7 @@ def joint_height(
     # If a view's height is off by more than this, the view measured a thing on the top: a book, a
     # tray.
     apart = max(_APART_SIGMAS * scatter, _APART_M)
+    elsewhere += [float(each) for each in heights if abs(each - value) >= apart]
     planes = {i: plane for i, plane in planes.items() if abs(plane.height - value) < apart}
     noise = [
         float(np.nanmedian(v.sigma[m])) for v, m in zip(views, samples, strict=True) if m.any()
@@ -126,7 +132,25 @@ def joint_height(
     blocks = sum(int(m.sum()) * v.stride**2 for v, m in zip(views, samples, strict=True))
     floor = float(np.median(noise)) / np.sqrt(max(blocks / BLOCK_PX**2, 1.0)) if noise else 0.0
     between = scatter / np.sqrt(max(effective - 1.0, 1.0))
-    return Height(value, float(np.hypot(between, floor)), planes, scatter, level.other)
+    return Height(
+        value, float(np.hypot(between, floor)), planes, scatter, level.other, tuple(elsewhere)
+    )
+
+
+def _level_elsewhere(view: SampledView, candidate: TableCandidate) -> list[float]:
+    """Return the height of what is level at the candidate's place, if the view sees plenty."""
+    with np.errstate(invalid="ignore"):
+        level = (np.abs(view.points[..., 2] - np.float32(candidate.height)) < _RAISED_M) & (
+            view.upward > LEAST_UPWARD
+        )
+    place = region(view, candidate, 0.0, level)
+    if int(place.sum()) * view.stride**2 < _PLENTY:
+        return []
+    return [float(np.median(view.points[..., 2][place]))]
+
+
+_RAISED_M = 0.3
+_PLENTY = 1000  # pixels of a level surface
 
 
 def _joint_mode(views: list[SampledView], samples: list[Bools], height: float) -> float | None:

@@ -314,6 +314,27 @@ def test_ends_at_a_rim_without_depth_tell_its_width(rim: float) -> None:
     assert np.median(edges.hole[sharp]) == pytest.approx(rim, abs=1.5 * pixel)
 
 
+@pytest.mark.parametrize(("rise", "is_doubted"), [(0.0, False), (0.004, False), (0.02, True)])
+def test_a_top_that_was_raised_between_views_is_doubted(rise: float, is_doubted: bool) -> None:
+    """Two of four views show it higher: the height's sigma reaches both."""
+    rng = np.random.default_rng(0)
+    high = replace(TOP, low=TOP.low + rise, high=TOP.high + rise)
+    shots = [
+        photograph(Scene(high if index > 1 else TOP), HIGH_CAMERA, rng, index=index)
+        for index in range(4)
+    ]
+    outline = find_edges(
+        tuple(snapshot for snapshot, _ in shots),
+        segmentation_of([view for _, view in shots], TOP.high + rise / 2),
+        config=CONFIG,
+        sensors=SENSORS,
+    )
+    codes = {warning.code for warning in outline.warnings}
+    assert ("accuracy.height_scatter" in codes) == is_doubted
+    assert abs(outline.height - TOP.high) < max(2 * outline.height_sigma, 0.001)
+    assert abs(outline.height - high.high) < max(2 * outline.height_sigma, 0.001)
+
+
 def test_votes_lie_on_their_own_side() -> None:
     """Points seen as top lie on the top, points seen through off it."""
     scene = Scene(TOP)

@@ -112,6 +112,18 @@ def test_a_thing_over_half_of_a_small_top_is_not_the_top(rise: float, used: int)
     assert any(c.height == pytest.approx(0.45 + rise, abs=0.004) for c in lids)
 
 
+@pytest.mark.parametrize("rise", [0.04, 0.055, 0.15])
+def test_a_top_at_another_height_in_half_of_the_views_is_doubted(rise: float) -> None:
+    """A desk that somebody raised during the drive is no table of one height."""
+    low = round_trip(TABLE, CENTRE)
+    high = round_trip(table(1.0, 0.5, 1.2, 0.8, 0.74 + rise, 0.3), CENTRE)
+    raised = segment((*low[:3], *high[3:]), config=CONFIG, sensors=SENSORS)
+    (warning,) = [w for w in raised.warnings if w.code == "accuracy.height_scatter"]
+    assert "3 of 6 views" in warning.message
+    still = segment(low, config=CONFIG, sensors=SENSORS)
+    assert "accuracy.height_scatter" not in {w.code for w in still.warnings}
+
+
 @pytest.mark.parametrize("rise", [0.008, 0.012, 0.017])
 def test_trays_that_cover_most_of_a_small_top_are_not_its_height(rise: float) -> None:
     """Two trays cover 56 % of the top: what is left of it lies all round them."""
