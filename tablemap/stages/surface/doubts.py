@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import shapely
 
 from tablemap.config import SurfaceConfig
 from tablemap.errors import ProcessWarning
+from tablemap.model.shapes import MESH, POLYGON
 from tablemap.stages.surface.candidates import Candidate
 from tablemap.stages.surface.choice import contradicting_cells
 from tablemap.stages.surface.departures import Departure
@@ -15,7 +17,7 @@ from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.inner import inner_edges
 from tablemap.stages.surface.joint import strain_of
 from tablemap.stages.surface.result import FittedFigure, Primitive, SurfaceEdge
-from tablemap.stages.surface.shapes.shape import signed_distance
+from tablemap.stages.surface.shapes.shape import area, signed_distance
 from tablemap.stages.surface.shapes.sides import INFERRED, MEASURED, UNSEEN
 from tablemap.stages.surface.shapes.straight import Sided
 from tablemap.words import counted
@@ -51,6 +53,7 @@ def doubts(
                     f"{other.shape} (weight {other.score:.2f}) explains its edge nearly as well.",
                 )
             )
+    found += _like_another(chosen, primitives)
     found += _partly_seen(chosen, edges, figures, config)
     if len(evidence.views) < 3:
         found.append(
@@ -102,6 +105,44 @@ def doubts(
 
 _STRAINED = 1.15  # where views fit together it is 0.1 to 0.9
 _ERRORS = {"poses": "places", "depth": "cameras' heights", "tilt": "cameras' tilts"}
+
+
+def _like_another(chosen: Candidate, primitives: Sequence[Primitive]) -> list[tuple[str, str]]:
+    """Doubt a polygon that but for a small part of its edge is a simple shape.
+
+    A magazine that lies over the edge is as flat as the top, and seems to be a part of it. Tables
+    with so small a notch or bump are rare.
+    """
+    best = primitives[0]
+    if not isinstance(chosen.fit.shape, Sided) or chosen.is_hull or best.shape != POLYGON.name:
+        return []
+    if shapely.Polygon(best.outline).convex_hull.area < _FILLED * area(best.outline):
+        return []
+    ring = shapely.LinearRing(best.outline)
+    places = shapely.get_coordinates(
+        ring.interpolate(np.linspace(0.0, 1.0, _SAMPLES, endpoint=False), normalized=True)
+    )
+    for other in primitives[1:]:
+        if other.shape in (POLYGON.name, MESH.name):
+            continue
+        apart = np.abs(signed_distance(places, other.outline))
+        if np.mean(apart < _ALIKE) >= _MOSTLY and apart.max() > _APART:
+            length = float(np.mean(apart >= _ALIKE)) * ring.length
+            return [
+                (
+                    "accuracy.shape_ambiguous",
+                    f"But for {length:.2f} m of its edge the top is a {other.shape}; there it lies "
+                    f"up to {1e3 * apart.max():.0f} mm off. A thing as flat as paper that lies "
+                    "over the edge looks so, and so does one that hides a part of it.",
+                )
+            ]
+    return []
+
+
+_SAMPLES = 500
+_ALIKE, _APART = 0.008, 0.02  # metres between two outlines
+_MOSTLY = 0.85  # share of the outline
+_FILLED = 1.003  # area of the convex hull over that of the outline: more is not convex
 
 
 _NARROW = 0.004  # metres: a rim that only widens the sigmas, as of a dark side face

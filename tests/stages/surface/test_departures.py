@@ -13,6 +13,7 @@ from tests.making.edges import (
     Bench,
     Table,
     box_table,
+    l_table,
     observe,
     polygon_table,
     rounded,
@@ -41,6 +42,13 @@ def _regular(sides: int) -> Table:
     turn = np.arange(sides) * (2 * np.pi / sides)
     ring = 0.6 * np.column_stack([np.cos(turn), np.sin(turn)])
     return polygon_table([*map(tuple, ring.tolist())], POSE)
+
+
+def _with_paper() -> Table:
+    """Make a rectangle of 1.4 m by 0.8 m with a sheet over its edge."""
+    paper = shapely.box(-0.1, 0.3, 0.2, 0.48)
+    whole = shapely.orient_polygons(shapely.union(shapely.box(-0.7, -0.4, 0.7, 0.4), paper))
+    return polygon_table([*whole.exterior.coords][:-1], POSE)
 
 
 def _unequal_table(radius: float) -> Table:
@@ -93,6 +101,14 @@ def test_sides_that_stand_for_a_curve_are_doubted(radius: float) -> None:
 def test_polygons_of_many_straight_sides_are_not_doubted(sides: int) -> None:
     """An octagon turns as little at each corner as what stands for a curve."""
     assert "accuracy.outline" not in _codes(_fit(_regular(sides), 3))
+
+
+def test_a_simple_shape_but_for_a_small_part_is_doubted() -> None:
+    """A sheet of paper over the edge is as flat as the top; an L is no rectangle."""
+    surface = _fit(_with_paper(), 4)
+    assert surface.shape == "polygon"
+    assert "accuracy.shape_ambiguous" in _codes(surface)
+    assert "accuracy.shape_ambiguous" not in _codes(_fit(l_table(POSE), 3))
 
 
 @pytest.mark.parametrize("seed", [3, 4, 5])
