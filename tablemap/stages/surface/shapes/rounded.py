@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from typing import Self
 
@@ -18,6 +19,7 @@ from tablemap.stages.surface.shapes.straight import Sided
 
 _CHORDS = 8  # of a quarter circle
 _START = 0.03  # metres
+_STEP = 1.4  # from one radius that is tried to the next
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +38,14 @@ class Rounded(Sided):
         """Return starts out of a fitted shape with sharp corners."""
         radii = (_START, _largest_radius(sharp) / 2)
         return tuple(Rounded(np.append(sharp.parameters, radius), sharp) for radius in radii)
+
+    @staticmethod
+    def of_all_radii(sharp: Sided, config: SurfaceConfig) -> Iterator[Rounded]:
+        """Return a shape with its corners rounded more and more, from where it seems sharp on."""
+        radius = Rounded(np.append(sharp.parameters, 0.0), sharp).seeming(config)
+        while (shape := Rounded(np.append(sharp.parameters, radius), sharp)).is_plausible():
+            yield shape
+            radius *= _STEP
 
     @property
     @override
