@@ -240,9 +240,9 @@ def _shows_both(shares: Floats, low: int, high: int) -> bool:
 def _is_round(seen: list[tuple[SampledView, Bools]], low: float, high: float) -> bool:
     """Tell whether the lower level reaches round the upper one, over all views, in the map.
 
-    A thing at the rim hides a corner of the top.
+    A thing at the rim hides a corner of the top. A level at two opposite ends is that of leaves.
     """
-    extents = []
+    extents, levels = [], []
     for height in (low, high):
         places = []
         for view, near in seen:
@@ -252,9 +252,27 @@ def _is_round(seen: list[tuple[SampledView, Bools]], low: float, high: float) ->
         points = np.concatenate(places)
         if not len(points):
             return False
+        levels.append(points)
         extents.append(convex(points))
     lower, upper = extents
-    return bool(lower.buffer(_ROUND_M).intersection(upper).area > _ROUND_SHARE * upper.area)
+    if lower.buffer(_ROUND_M).intersection(upper).area <= _ROUND_SHARE * upper.area:
+        return False
+    return _gaps(levels[0] - shapely.get_coordinates(upper.centroid)) < 2
+
+
+def _gaps(places: Floats) -> int:
+    """Count the wide sectors about the origin in which none of the places (n, 2) lies."""
+    turn = np.arctan2(places[:, 1], places[:, 0])
+    count = np.bincount(((turn + np.pi) / (2 * np.pi) * _SECTORS).astype(int) % _SECTORS)
+    empty = np.zeros(_SECTORS, dtype=bool)
+    empty[: len(count)] = count < _EMPTY_SHARE * len(places)
+    empty[len(count) :] = True
+    wide = np.array([np.roll(empty, -k)[:_WIDE_GAP].all() for k in range(_SECTORS)])
+    return int((wide & ~np.roll(wide, 1)).sum())
+
+
+_SECTORS, _WIDE_GAP = 36, 7  # a gap of 70 degrees
+_EMPTY_SHARE = 0.0005
 
 
 def _is_within(

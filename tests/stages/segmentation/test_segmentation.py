@@ -160,6 +160,16 @@ def test_a_tray_that_leaves_only_one_end_of_the_top_is_doubted() -> None:
     assert "12 mm lower" in doubt.message
 
 
+def test_leaves_that_lie_lower_at_both_ends_are_doubted() -> None:
+    """They do not reach round the middle, whose height is the table's."""
+    middle = table(1.0, 0.5, 0.8, 0.8, 0.74, 0.0)
+    leaves = [Box(1.0 + side * 0.5, 0.5, 0.2, 0.8, 0.70, 0.728) for side in (-1, 1)]
+    snapshots = round_trip([*middle, *leaves], CENTRE, views=8, radius=1.4, seed=2)
+    result = segment(snapshots, config=CONFIG, sensors=SENSORS)
+    assert result.height == pytest.approx(0.74, abs=0.002)
+    assert "accuracy.two_levels" in {warning.code for warning in result.warnings}
+
+
 def test_a_bent_top_has_one_level() -> None:
     """Depth that bends by 1.5 % over the image spreads a top over 2 cm: no view is lost by that."""
     snapshots = round_trip(TABLE, CENTRE)
