@@ -82,7 +82,10 @@ def fit_candidates(
         return _settle(fit.state, evidence, config, narrow, assumed)
 
     def rounded(sharp: list[JointFit]) -> list[JointFit]:
-        """Round the corners of fitted shapes; return the cheapest, unless it seems sharp."""
+        """Round the corners of fitted shapes; return the cheapest, unless it seems sharp.
+
+        A fit that is not told from a sharp one must not tell of the noise either.
+        """
         fits = [
             quick
             for fit in sharp
@@ -93,10 +96,15 @@ def fit_candidates(
             )
         ]
         cheapest = sorted(fits, key=lambda fit: _cost(fit, coarse, config))[:1]
-        return [
+        round_ones = [
             fully(fit)
             for fit in cheapest
             if isinstance(fit.shape, Rounded) and fit.shape.radius > fit.shape.seeming(config)
+        ]
+        return [
+            fit
+            for fit in round_ones
+            if fit.shape.is_told(spread_of(fit, evidence, config).covariance, config)
         ]
 
     starts = generators(evidence, config, random)
