@@ -14,6 +14,7 @@ from tablemap.recording import DepthFrame, Recording
 from tablemap.stages.snapshots.camera_kind import looked_at, seen_camera
 from tablemap.stages.snapshots.combining import combine
 from tablemap.stages.snapshots.directions import by_direction, planar_pose, same_mount, views_at
+from tablemap.stages.snapshots.own_body import without_own_body
 from tablemap.stages.snapshots.result import (
     Camera,
     SeenCamera,
@@ -63,8 +64,9 @@ def take_snapshots(
             f"{why}; see the warnings of `tablemap info`: {recording.input}"
         )
     aside = sorted([*aside, *dropped], key=lambda entry: entry.stamp_ns)
-    notes = _camera_notes(camera, sensors)
-    return Snapshots(tuple(snapshots), tuple(aside), kind, camera, notes)
+    cleared, body = without_own_body(snapshots)
+    notes = _camera_notes(camera, sensors) + body
+    return Snapshots(tuple(cleared), tuple(aside), kind, camera, notes)
 
 
 def _camera_notes(camera: SeenCamera, sensors: SensorsConfig) -> tuple[ProcessWarning, ...]:
