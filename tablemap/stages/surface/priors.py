@@ -55,6 +55,8 @@ def common_prior(
         focal = sensors.focal_length_sigma if held else sensors.calibrated_focal_length_sigma
         shift = max(registration.systematic / config.systematic_sigmas, 1e-6)
         stretch = registration.stretch_sigma
+    yaw = sensors.laser_mounting_yaw_sigma
+    ahead, left, yaw = _admitted(np.array([shift, shift, yaw]), mounting)
     sag, sag_sigma = (0.0, 0.0) if camera is None else camera.sag
     widening, widening_sigma = top_widening(mounting, sensors)
     set_back = sensors.rim_set_back if outline.is_dull else sensors.sharp_rim_set_back
@@ -62,12 +64,12 @@ def common_prior(
         scale=unknown,
         roll=tilt,
         pitch=tilt,
-        yaw=sensors.laser_mounting_yaw_sigma,
+        yaw=yaw,
         focal=focal,
         near_bias=sensors.near_edge_bias,
         widening=widening_sigma,
-        shift_x=shift,
-        shift_y=shift,
+        shift_x=ahead,
+        shift_y=left,
         set_back=max(set_back, 1e-6),
         slope_x=_TOP_SLOPE,
         slope_y=_TOP_SLOPE,
@@ -89,6 +91,24 @@ def common_prior(
         precision = precision + seen.T @ mounting.information @ seen
         mean = np.asarray(np.linalg.solve(precision, pull), dtype=np.float64)
     return mean, precision
+
+
+def _admitted(believed: Floats, mounting: Mounting | None) -> tuple[float, float, float]:
+    """Return the sigmas of the camera's place and heading in the base, as the legs admit them.
+
+    If the legs clearly show an error that is not believed (a wrong TF; stamps that are late on a
+    drive that never stops), the belief must not pull against them.
+    """
+    if mounting is not None:
+        loose = np.diag([*(_LOOSE * believed) ** -2.0, 1.0])
+        shown = np.abs(np.linalg.solve(mounting.information + loose, mounting.estimate))[:3]
+        believed = np.where(shown > _UNBELIEVED * believed, shown, believed)
+    ahead, left, yaw = believed.tolist()
+    return ahead, left, yaw
+
+
+_LOOSE = 30.0  # times what is believed
+_UNBELIEVED = 3.0  # times what is believed
 
 
 def widens(mounting: Mounting | None, sensors: SensorsConfig) -> bool:
