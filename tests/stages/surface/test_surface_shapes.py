@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tablemap.config import SurfaceConfig
 from tablemap.stages.surface.shapes.curved import Circle, Ellipse
 from tablemap.stages.surface.shapes.rounded import Rounded
 from tablemap.stages.surface.shapes.shape import Shape, area, signed_distance
@@ -111,6 +112,14 @@ def test_the_length_is_the_longer_side(shape: Shape) -> None:
     assert values["width"] == pytest.approx(0.8)
     assert np.abs(signed_distance(renamed.outline(), shape.outline())).max() < 1e-9
     assert area(renamed.outline()) == pytest.approx(area(shape.outline()))
+
+
+@pytest.mark.parametrize(("radius", "told"), [(0.005, False), (0.08, True), (0.48, False)])
+def test_a_round_polygon_keeps_straight_sides(radius: float, told: bool) -> None:
+    """Too small a radius is a pixel's blur; with too large a one the top is another shape."""
+    shape = _rounded(TRIANGLE, radius)
+    assert shape.is_plausible()
+    assert shape.is_told(np.eye(7) * 1e-8, SurfaceConfig()) is told
 
 
 def _middles(shape: Shape) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,7 @@ from typing_extensions import override
 from tablemap.config import SurfaceConfig
 from tablemap.corners import Arcs
 from tablemap.geometry import Floats, Ints
-from tablemap.model.shapes import CORNER_RADIUS, ShapeRecord
+from tablemap.model.shapes import CORNER_RADIUS, POLYGON, ShapeRecord
 from tablemap.stages.surface.shapes.shape import Measure, centroid, perpendicular, unit
 from tablemap.stages.surface.shapes.sides import INFERRED, MEASURED, Sight, inferred_at_least
 from tablemap.stages.surface.shapes.straight import Sided
@@ -165,6 +165,11 @@ class Rounded(Sided):
 
     @override
     def is_told(self, covariance: Floats, config: SurfaceConfig) -> bool:
+        start, end = self.ends()
+        shortest = float(np.linalg.norm(end - start, axis=1).min())
+        if self.record is POLYGON and shortest < config.line_minimum:
+            # Arcs between shorter sides follow any curve.
+            return False
         return bool(self.radius > self.seeming(config) + 3 * np.sqrt(covariance[-1, -1]))
 
     def seeming(self, config: SurfaceConfig) -> float:
