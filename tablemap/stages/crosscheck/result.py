@@ -63,4 +63,4 @@ class CrossCheck:
     @property
     def is_found(self) -> bool:
         """Whether camera and laser disagree clearly, by more than the limit."""
-        return bool(self.warnings)
+        return self.pose_sigma > 0

@@ -7,7 +7,7 @@ camera sees the legs elsewhere than the laser. No residual of the registration s
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -80,7 +80,12 @@ def cross_check(
 
     arms = _arms(rows)
     solution = solved(rows)
-    mounting = None if sighted is None else _mounting(solved(sighted), _arms(sighted), sensors)
+    told_by_legs = None if sighted is None else solved(sighted)
+    mounting: Mounting | None = None
+    beside: tuple[ProcessWarning, ...] = ()
+    if sighted is not None and told_by_legs is not None:
+        mounting = _mounting(told_by_legs, _arms(sighted), sensors)
+        beside = _beside(told_by_legs, sensors)
     by_edges, by_legs = (
         None if part is None else Estimate(*arms.at_table(solved(part)))
         for part in (edges, sighted)
@@ -91,7 +96,7 @@ def cross_check(
     points = 0 if edges is None else len(edges)
     count = len(np.unique(rows.view))
     if sigma.max() > _LARGEST_SIGMA:
-        return _nothing(points, count, sightings, mounting)
+        return replace(_nothing(points, count, sightings, mounting), warnings=beside)
     size = float(np.hypot(*at_table))
     found = size > config.threshold and bool(
         (np.abs(at_table) > np.maximum(config.sigmas * sigma, 0.5 * config.threshold)).any()
@@ -107,7 +112,7 @@ def cross_check(
         pose_sigma=0.5 * size if found else 0.0,
         points=points,
         views=count,
-        warnings=(_warning(at_table, sigma, solution, arms, sightings, told),) if found else (),
+        warnings=(_warning(at_table, sigma, solution, arms, sightings, told),) if found else beside,
         range_scale=scale if told else None,
         range_scale_sigma=scale_sigma if told else None,
         by_edges=by_edges,
@@ -176,6 +181,30 @@ def _excess(solution: MountingSolution, sensors: SensorsConfig) -> float:
     mean = np.linalg.solve(seen, np.linalg.solve(solution.covariance, solution.asked))
     spread = np.linalg.inv(seen) + np.diag(assumed**2)
     return max(1.0, float(np.sqrt(mean @ np.linalg.solve(spread, mean) / len(mean))))
+
+
+def _beside(by_legs: MountingSolution, sensors: SensorsConfig) -> tuple[ProcessWarning, ...]:
+    """Say that the camera is clearly beside its place in TF, though little may show at the table.
+
+    A shift to the left and a turn to the right cancel there, as late stamps on a round make them.
+    """
+    believed = np.array([sensors.laser_mounting_sigma] * 2 + [sensors.laser_mounting_yaw_sigma])
+    sigma = np.sqrt(np.diag(by_legs.covariance)[:3])
+    clear = np.abs(by_legs.asked[:3]) > np.maximum(_BESIDE * believed, 4.0 * sigma)
+    if not (clear & (sigma < believed)).any():
+        return ()
+    forward, left, turn = by_legs.asked[:3]
+    message = (
+        "camera and laser disagree: they see the legs where a camera would that is "
+        f"{1e3 * abs(forward):.0f} mm further {'forward' if forward > 0 else 'back'} than in TF, "
+        f"{1e3 * abs(left):.0f} mm further {'left' if left > 0 else 'right'}, and turned by "
+        f"{np.degrees(turn):.1f} degrees; the surface was fitted with that. Either TF has a wrong "
+        "pose of one of them, or their clocks differ and the robot did not stand still."
+    )
+    return (ProcessWarning("crosscheck.mounting", "crosscheck", message),)
+
+
+_BESIDE = 4.0  # times what is believed
 
 
 def _warning(

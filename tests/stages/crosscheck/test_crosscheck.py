@@ -150,6 +150,17 @@ def test_legs_alone_show_where_the_camera_is(seed: int) -> None:
     assert result.is_found and "legs" in result.warnings[0].message
 
 
+def test_an_offset_that_cancels_at_the_table_is_said() -> None:
+    """Late stamps on a round shift the camera to the left and turn it to the right."""
+    turn = -np.radians(1.9)
+    result = _with_legs(Pose2(0.0, 0.048, turn))
+    (warning,) = result.warnings
+    assert warning.code == "crosscheck.mounting"
+    assert "clocks" in warning.message
+    assert not result.is_found
+    assert result.mounting is not None
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_legs_raise_no_alarm_where_the_camera_is_right(seed: int) -> None:
     """Legs seen where the laser has them: nothing is said, and the estimate admits nought."""
