@@ -19,6 +19,7 @@ from tablemap.stages.legs.scans import Scans
 from tablemap.stages.surface import FittedFigure
 
 _LASER_SYMMETRY = 0.03  # metres: like `DEPTH_SYMMETRY`, for legs that the laser placed
+_BESIDE = 0.08  # metres
 _SYMMETRY_SIGMA = 0.01  # metres: real legs stand off their symmetric places by so much
 
 
@@ -52,8 +53,11 @@ def infer_missing(
             return []
         if scans is not None:
             seen = persistence(scans, place, 0.5 * size)
-            near = [c for c in candidates if np.linalg.norm(c.place - place) < 0.08]
-            if seen.passed > seen.lost or (seen.hit and not near):
+            # A thing whose side is so near may hide the leg, or be one cluster with it.
+            hides = [
+                c for c in candidates if np.linalg.norm(c.place - place) < _BESIDE + 0.5 * c.size
+            ]
+            if seen.passed > seen.lost or (seen.hit and not hides):
                 return []
         open_view = looked(place, 0.5 * size)
         if open_view.passed > open_view.hit:

@@ -31,7 +31,8 @@ _ELONGATED = 1.25
 _RARE = 6.0
 _TELLING = 30  # fewest residuals from which a spread is measured
 _LEAST = 0.2  # of an assumed sigma: equal residuals must not make it zero
-_THIN, _LONG = 0.1, 3.0  # metres, times the larger side of a usual leg: a panel
+_THIN, _PANEL = 0.1, 0.35  # metres: a panel is thinner and longer
+_LONG = 3.0  # times the larger side of a usual leg: a panel is longer than that, too
 LARGEST_SIGMA = 0.025
 """A thing whose place is less sure than this is no measured leg, metres."""
 
@@ -132,9 +133,9 @@ def seen_in_part(groups: list[list[Leg]]) -> list[Leg]:
 
 
 def _is_panel(leg: Leg, usual: Leg) -> bool:
-    """Tell whether a leg is a panel: thin, and far longer than the usual legs."""
+    """Tell whether a leg is a panel: thin, long, and far longer than the usual legs."""
     short, long = min(_sizes(leg)), max(_sizes(leg))
-    return short < _THIN and long > _LONG * max(short, *_sizes(usual))
+    return short < _THIN and long > max(_PANEL, _LONG * max(short, *_sizes(usual)))
 
 
 def _sizes(leg: Leg) -> list[float]:

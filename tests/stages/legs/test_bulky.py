@@ -51,10 +51,11 @@ def test_a_round_foot_plate_is_a_leg() -> None:
     assert legs.legs[0].dimensions["diameter"].value == pytest.approx(0.45, abs=0.01)
 
 
+@pytest.mark.parametrize("with_depth", [True, False], ids=["seen by depth", "by the laser alone"])
 @pytest.mark.parametrize("gap", [0.015, 0.03])
 @pytest.mark.parametrize("sides", [(0.2, 0.2), (0.3, 0.18)], ids=str)
 def test_a_box_beside_a_leg_is_no_leg_and_hides_none(
-    gap: float, sides: tuple[float, float]
+    gap: float, sides: tuple[float, float], with_depth: bool
 ) -> None:
     """A box that nearly touches a leg is set aside; depth or symmetry keeps the leg."""
     scene = Scene(table=TABLE, walls=ROOM)
@@ -63,12 +64,26 @@ def test_a_box_beside_a_leg_is_no_leg_and_hides_none(
     local = TABLE.inverse().apply(truth[:1])[0] - [0.03 + gap + 0.5 * sides[0], 0.03]
     x, y = TABLE.apply(local)
     scene.boxes = [(x, y, *sides, TABLE.yaw + 0.15, 0.0, 0.25)]
-    legs = legs_of(scene, with_depth=True)
+    legs = legs_of(scene, with_depth=with_depth)
     assert len(legs.legs) == 4
     assert errors_of(legs, truth).max() < 0.015
     for leg in legs.legs:
         assert max(figure.value for figure in leg.dimensions.values()) < 0.09
         assert leg.position_sigma is not None and leg.position_sigma < 0.025
+    assert any("too large" in one.reason for one in legs.rejected)
+
+
+@pytest.mark.parametrize(("along", "turn"), [(0.4, 0.2), (0.41, 0.2), (0.4, 0.0)])
+def test_a_leg_that_is_one_cluster_with_a_box_is_inferred(along: float, turn: float) -> None:
+    """The laser does not part them, and depth saw nothing: no leg is made of pieces of both."""
+    scene = Scene(table=TABLE, walls=ROOM)
+    truth = four(scene, inset=0.08)
+    scene.boxes = [(x, y, 0.05, 0.05, TABLE.yaw) for x, y in truth]
+    box = TABLE.apply(np.array([along, -0.2]))
+    scene.boxes.append((*box, 0.2, 0.2, TABLE.yaw + turn, 0.0, 0.25))
+    legs = legs_of(scene)
+    assert sorted(leg.seen_by for leg in legs.legs) == ["laser"] * 3 + ["nothing"]
+    assert errors_of(legs, truth).max() < 0.005
     assert any("too large" in one.reason for one in legs.rejected)
 
 
