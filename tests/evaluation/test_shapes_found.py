@@ -24,11 +24,12 @@ from tablemap.simulation import load_scenario, simulate, write
         ("circle", 30),
         ("ellipse", 30),
         ("rounded_rectangle", 30),
+        ("school_table", 30),
         ("conference", 30),
     ],
 )
 def test_a_simulated_top_is_found(scenario: str, seed: int, tmp_path: Path) -> None:
-    """Its shape, and its dimensions to 3 mm, all of which are said to be measured."""
+    """Its shape, its dimensions to 3 mm, all said to be measured, and the radius of its corners."""
     file = tmp_path / "lap.mcap"
     write(simulate(load_scenario(scenario), seed=seed), file)
     with open_recording(file) as recording:
@@ -37,3 +38,6 @@ def test_a_simulated_top_is_found(scenario: str, seed: int, tmp_path: Path) -> N
     assert result.shape == result.true_shape
     assert {error.status for error in result.dimensions} == {"measured"}
     assert max(abs(error.error) for error in result.dimensions) < 0.003
+    assert (model.surface.corner_radius is None) == (result.corner_radius is None)
+    if result.corner_radius is not None:
+        assert abs(result.corner_radius.error) < 0.003
