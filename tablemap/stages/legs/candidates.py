@@ -32,6 +32,7 @@ _ROUGHNESS, _ROUGHNESS_SHARE = 0.02, 0.1  # metres, share of its size: scatter o
 _PANEL = 2.0  # times its width: a shorter thing is a block, not a panel
 _BULKY = 0.1  # metres: the laser tells whether wider things are solid
 _INSIDE, _INSIDE_SHARE = 0.05, 0.25  # metres, share of a beam's way through: ends in there
+_SLIVER = 0.1  # of the silhouettes of the thing beside it
 _HOLLOW = 0.2  # of the beams that end inside a thing: it is not one solid thing
 
 # The evidence for and against a leg, in one unit. A candidate that the depth camera saw reach the
@@ -347,8 +348,11 @@ def _without_fragments(candidates: list[LegCandidate]) -> list[LegCandidate]:
             continue
         for k in kept:
             apart = np.linalg.norm(candidates[i].place - candidates[k].place)
-            sizes = sorted((candidates[i].size, candidates[k].size))
-            if candidates[k].cluster.slender and apart < 0.5 * sum(sizes) + 0.01:
+            # Noisy ranges scatter slivers of a leg: their fit may be small, their spread is not.
+            sliver = weight(i) < _SLIVER * weight(k)
+            own = max(candidates[i].size, candidates[i].cluster.size if sliver else 0.0)
+            reach = 0.5 * (own + candidates[k].size) + 0.01
+            if candidates[k].cluster.slender and apart < reach:
                 result[i] = replace(candidates[i], reason="a fragment of the leg beside it")
                 break
         else:

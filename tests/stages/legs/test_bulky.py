@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from shapely.geometry import Polygon
 
 from tablemap.geometry import Pose2
-from tests.making.leg_scenes import ROOM, TABLE, Scene, errors_of, four, legs_of
+from tablemap.model.shapes import CIRCLE
+from tablemap.stages.legs.candidates import LegCandidate, judge
+from tablemap.stages.legs.clusters import Cluster, Persistence
+from tablemap.stages.legs.depth import Reach
+from tablemap.stages.legs.evidence import LegEvidence
+from tablemap.stages.legs.fit import Fit
+from tablemap.stages.legs.layout import Frame
+from tests.making.leg_scenes import ROOM, TABLE, Scene, errors_of, four, legs_of, surface_of
 
 MIDDLE = Pose2(0.2, 0.1)
 
@@ -98,3 +106,45 @@ def test_two_things_that_touch_are_no_leg() -> None:
     legs = legs_of(scene, with_depth=True)
     assert all(leg.position_sigma and leg.position_sigma < 0.025 for leg in legs.legs)
     assert any("its place is known to" in one.reason for one in legs.rejected)
+
+
+def _candidate(x: float, tangents: int, diameter: float, spread: float) -> LegCandidate:
+    """Return a round thing on the table's axis, ``x`` metres from its middle."""
+    none = np.zeros(0)
+    place = MIDDLE.apply(np.array([x, 0.0]))
+    rows = np.zeros((tangents, 2))
+    fit = Fit(
+        kind=CIRCLE,
+        parameters=np.array([[*place, diameter]]),
+        covariance=np.eye(3)[None] * 1e-6,
+        cost=1.0,
+        costs=np.ones(1),
+        count=tangents,
+        free=3,
+        shared=0,
+        rms=np.zeros(1),
+        beam_half_width=0.0,
+        range_bias=0.0,
+        misfits=((none, none),),
+    )
+    zeros = np.zeros(tangents)
+    group = np.zeros(tangents, dtype=np.int64)
+    evidence = LegEvidence(
+        rows, rows, zeros, zeros, group, rows, rows, rows, group, zeros, group, rows
+    )
+    cluster = Cluster(place, spread, np.arange(tangents), slender=True)
+    stayed, looked = Persistence(8, 0, 0, 0), Reach(8, 0)
+    return LegCandidate(cluster, place, rows, evidence, {CIRCLE: fit}, stayed, looked, None)
+
+
+@pytest.mark.parametrize(("tangents", "kept"), [(7, False), (150, True)], ids=["sliver", "rod"])
+def test_noise_beside_a_leg_is_a_fragment_of_it(tangents: int, kept: bool) -> None:
+    """Of few silhouettes the spread counts, not the small fit; a rod of its own has many."""
+    scene = _pedestal()
+    surface = surface_of(scene, {})
+    frame = Frame(surface, Polygon(surface.outline))
+    leg, beside = judge(
+        [_candidate(0.0, 228, 0.05, 0.06), _candidate(0.055, tangents, 0.011, 0.085)], frame
+    )
+    assert leg.reason is None
+    assert (beside.reason != "a fragment of the leg beside it") == kept
