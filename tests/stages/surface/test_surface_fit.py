@@ -11,7 +11,7 @@ from tablemap.config import SensorsConfig, SurfaceConfig
 from tablemap.errors import EstimationError
 from tablemap.geometry import Pose2
 from tablemap.stages.calibration import TopBelief
-from tablemap.stages.outline import EdgeKind
+from tablemap.stages.outline import EdgeKind, ViewEdges
 from tablemap.stages.surface import Mounting, Surface, fit_surface
 from tablemap.stages.surface.shapes.shape import area, signed_distance
 from tablemap.stages.surface.shapes.sides import Sight
@@ -80,23 +80,26 @@ def test_every_shape_is_found_to_millimetres(name: str) -> None:
         assert surface.corner_radius.budget is not None
 
 
+def _seen_by(view: ViewEdges, turn: float, left: float) -> ViewEdges:
+    """Return what a camera reports that is believed turned and shifted: radians and metres."""
+    pan, eye = Pose2(0.0, 0.0, turn), view.camera_xy
+    shift = np.array([0.0, left])
+    return replace(
+        view,
+        points=pan.apply(view.points - eye) + eye + shift,
+        normals=pan.rotate(view.normals),
+        top=pan.apply(view.top - eye) + eye + shift,
+        free=pan.apply(view.free - eye) + eye + shift,
+    )
+
+
 @pytest.mark.parametrize("play", [0.4, 1.0])
 def test_the_play_of_the_head_moves_no_side(play: float) -> None:
     """The head stands on one side of its play at every other stop: a degree costs no millimetre."""
     outline, registration = observe(TABLES["rectangle"], Bench(), np.random.default_rng(5))
-    panned = []
-    for view in outline.views:
-        pan = Pose2(0.0, 0.0, np.radians(play) * (0.5 - view.index % 2))
-        eye = view.camera_xy
-        panned.append(
-            replace(
-                view,
-                points=pan.apply(view.points - eye) + eye,
-                normals=pan.rotate(view.normals),
-                top=pan.apply(view.top - eye) + eye,
-                free=pan.apply(view.free - eye) + eye,
-            )
-        )
+    panned = [
+        _seen_by(view, np.radians(play) * (0.5 - view.index % 2), 0.0) for view in outline.views
+    ]
     still, played = (
         fit_surface(seen, registration, config=SurfaceConfig(), sensors=SENSORS, seed=0)
         for seen in (outline, replace(outline, views=tuple(panned)))
@@ -196,19 +199,7 @@ def test_what_the_legs_clearly_show_of_the_camera_is_believed(left: float, turn:
     The camera seems to sit centimetres beside its place in TF, and turned by degrees.
     """
     outline, registration = observe(TABLES["rectangle"], Bench(), np.random.default_rng(5))
-    pan, shift = Pose2(0.0, 0.0, -turn), np.array([0.0, -left])
-    views = []
-    for view in outline.views:
-        eye = view.camera_xy
-        views.append(
-            replace(
-                view,
-                points=pan.apply(view.points - eye) + eye + shift,
-                normals=pan.rotate(view.normals),
-                top=pan.apply(view.top - eye) + eye + shift,
-                free=pan.apply(view.free - eye) + eye + shift,
-            )
-        )
+    views = [_seen_by(view, -turn, -left) for view in outline.views]
     information = np.diag(np.array([0.0015, 0.0015, 0.001, 0.002]) ** -2.0)
     surface = fit_surface(
         replace(outline, views=tuple(views)),
