@@ -42,7 +42,8 @@ def run(commands: Commands, interrupts: Interrupts) -> None:
         commands()
     except SystemExit as end:
         told = interrupts.received
-        sys.exit(128 + told[0] if told and end.code == 130 else end.code)
+        # A run that a signal broke off ends with 1, as any that is not complete.
+        sys.exit(128 + told[0] if told and end.code in (1, 130) else end.code)
     except Exception as error:
         if interrupts.received:  # compiled code made another error of it
             sys.exit(128 + interrupts.received[0])
