@@ -269,13 +269,8 @@ def in_image(
     camera_from_map = invert(map_from_base @ snapshot.base_from_camera)
     points = transform(camera_from_map, _dense(line))
     camera = snapshot.camera
-    ahead = np.where(points[:, 2] > NEAREST, points[:, 2], np.nan)
-    pixels = np.column_stack(
-        [
-            camera.fx * points[:, 0] / ahead + camera.cx + PIXEL_CENTRE,
-            camera.fy * points[:, 1] / ahead + camera.cy + PIXEL_CENTRE,
-        ]
-    )
+    points[points[:, 2] <= NEAREST] = np.nan
+    pixels = camera.project(points) + PIXEL_CENTRE
     with np.errstate(invalid="ignore"):
         is_in = ((pixels >= 0) & (pixels <= (camera.width, camera.height))).all(axis=1)
     if dashed:

@@ -174,8 +174,7 @@ def _window(
     if seen[:, 2].min() < 0.3:
         return None
     camera = snapshot.camera
-    u = camera.fx * seen[:, 0] / seen[:, 2] + camera.cx
-    v = camera.fy * seen[:, 1] / seen[:, 2] + camera.cy
+    u, v = camera.project(seen).T
     first, last = int(np.floor(u.min())), int(np.ceil(u.max()))
     top, bottom = max(int(np.floor(v.min())), 0), min(int(np.ceil(v.max())), camera.height - 1)
     if first < 1 or last > camera.width - 2 or bottom - top < 4 or last - first < 4:

@@ -80,9 +80,7 @@ def reach(
         axis = np.column_stack([np.tile(base_xy, (len(heights), 1)), heights])
         seen = transform(invert(snapshot.base_from_camera), axis)
         z = seen[:, 2]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            u = camera.fx * seen[:, 0] / z + camera.cx
-            v = camera.fy * seen[:, 1] / z + camera.cy
+        u, v = camera.project(seen).T
         pixels = camera.fx / np.maximum(z, 0.1)
         ok = (z > 0.3) & (v >= 0) & (v < camera.height - 1) & (u > 0) & (u < camera.width - 1)
         if not ok.any():

@@ -116,9 +116,8 @@ def _looks(views: list[Snapshot], pixels: Ints, steady: Bools) -> tuple[Floats, 
             at = transform(
                 invert(other.base_from_camera), other.map_from_base.inverse().apply(places)
             )
-            with np.errstate(divide="ignore", invalid="ignore"):
-                u = np.round(camera.fx * at[:, 0] / at[:, 2] + camera.cx)
-                v = np.round(camera.fy * at[:, 1] / at[:, 2] + camera.cy)
+            u, v = np.round(camera.project(at)).T
+            with np.errstate(invalid="ignore"):
                 inside = (at[:, 2] > 0.1) & (u >= 0) & (u < camera.width)
                 inside &= (v >= 0) & (v < camera.height)
             u, v = u[inside].astype(np.int64), v[inside].astype(np.int64)

@@ -40,6 +40,16 @@ class Camera:
         grid[..., 1] = v[:, None]
         return grid
 
+    def project(self, points: Floats) -> Floats:
+        """Return the columns and rows (n, 2), from pixel centres, of points (n, 3) in the camera.
+
+        Of a point that is not in front of the camera they mean nothing.
+        """
+        with np.errstate(divide="ignore", invalid="ignore"):
+            u = self.fx * points[:, 0] / points[:, 2] + self.cx
+            v = self.fy * points[:, 1] / points[:, 2] + self.cy
+        return np.column_stack([u, v])
+
 
 @dataclass(frozen=True, eq=False)
 class Viewpoint:
