@@ -169,17 +169,21 @@ def _disagreement(first: Estimate | None, second: Estimate | None) -> float:
     return max(1.0, float(np.sqrt(apart.mean())))
 
 
+def _assumed(sensors: SensorsConfig) -> Floats:
+    """Return what is believed of place, heading and range scale (4,), standard deviations."""
+    place, heading = sensors.laser_mounting_sigma, sensors.laser_mounting_yaw_sigma
+    return np.array([place, place, heading, sensors.laser_range_scale_sigma_wide])
+
+
 def _excess(solution: MountingSolution, sensors: SensorsConfig) -> float:
     """Return the ratio of mounting and scale errors to their assumed sigmas (Birge's ratio)."""
-    assumed = np.array([sensors.laser_mounting_sigma] * 2 + [sensors.laser_mounting_yaw_sigma, 0.0])
-    assumed[3] = sensors.laser_range_scale_sigma_wide
     let_in = np.diag(prior_sigmas(sensors) ** -2.0)
     likelihood = np.linalg.inv(solution.covariance) - let_in
     values, vectors = np.linalg.eigh((likelihood + likelihood.T) / 2)
     # Information and mean of the evidence alone, without the loose prior.
     seen = vectors @ np.diag(np.maximum(values, 1e-12)) @ vectors.T
     mean = np.linalg.solve(seen, np.linalg.solve(solution.covariance, solution.asked))
-    spread = np.linalg.inv(seen) + np.diag(assumed**2)
+    spread = np.linalg.inv(seen) + np.diag(_assumed(sensors) ** 2)
     return max(1.0, float(np.sqrt(mean @ np.linalg.solve(spread, mean) / len(mean))))
 
 
@@ -188,7 +192,7 @@ def _beside(by_legs: MountingSolution, sensors: SensorsConfig) -> tuple[ProcessW
 
     A shift to the left and a turn to the right cancel there, as late stamps on a round make them.
     """
-    believed = np.array([sensors.laser_mounting_sigma] * 2 + [sensors.laser_mounting_yaw_sigma])
+    believed = _assumed(sensors)[:3]
     sigma = np.sqrt(np.diag(by_legs.covariance)[:3])
     clear = np.abs(by_legs.asked[:3]) > np.maximum(_BESIDE * believed, 4.0 * sigma)
     if not (clear & (sigma < believed)).any():

@@ -84,14 +84,9 @@ def joint_height(
     samples, places = [], []
     clear = SEARCH_M if candidate.rise is None else min(0.5 * candidate.rise, SEARCH_M)
     for view in views:
-        z = view.points[..., 2]
-        with np.errstate(invalid="ignore"):
-            level = (
-                (np.abs(z - np.float32(candidate.height)) < SEARCH_M)
-                & (z < np.float32(candidate.height + clear))
-                & (view.upward > LEAST_UPWARD)
-            )
-        samples.append(region(view, candidate, config.reach, level))
+        flat = _level_about(view, candidate.height, SEARCH_M)
+        flat &= view.points[..., 2] < np.float32(candidate.height + clear)
+        samples.append(region(view, candidate, config.reach, flat))
         places.append(region(view, candidate, 0.0, samples[-1]))
     mode = _joint_mode(views, samples, candidate.height)
     if mode is None:
@@ -137,13 +132,17 @@ def joint_height(
     )
 
 
+def _level_about(view: SampledView, height: float, within: float) -> Bools:
+    """Return the pixels of level surfaces within so many metres of a height."""
+    with np.errstate(invalid="ignore"):
+        near = np.abs(view.points[..., 2] - np.float32(height)) < within
+        level: Bools = near & (view.upward > LEAST_UPWARD)
+    return level
+
+
 def _level_elsewhere(view: SampledView, candidate: TableCandidate) -> list[float]:
     """Return the height of what is level at the candidate's place, if the view sees plenty."""
-    with np.errstate(invalid="ignore"):
-        level = (np.abs(view.points[..., 2] - np.float32(candidate.height)) < _RAISED_M) & (
-            view.upward > LEAST_UPWARD
-        )
-    place = region(view, candidate, 0.0, level)
+    place = region(view, candidate, 0.0, _level_about(view, candidate.height, _RAISED_M))
     if int(place.sum()) * view.stride**2 < _PLENTY:
         return []
     return [float(np.median(view.points[..., 2][place]))]
@@ -263,10 +262,8 @@ def _is_round(seen: list[tuple[SampledView, Bools]], low: float, high: float) ->
 def _gaps(places: Floats) -> int:
     """Count the wide sectors about the origin in which none of the places (n, 2) lies."""
     turn = np.arctan2(places[:, 1], places[:, 0])
-    count = np.bincount(((turn + np.pi) / (2 * np.pi) * _SECTORS).astype(int) % _SECTORS)
-    empty = np.zeros(_SECTORS, dtype=bool)
-    empty[: len(count)] = count < _EMPTY_SHARE * len(places)
-    empty[len(count) :] = True
+    sector = ((turn + np.pi) / (2 * np.pi) * _SECTORS).astype(int) % _SECTORS
+    empty = np.bincount(sector, minlength=_SECTORS) < _EMPTY_SHARE * len(places)
     wide = np.array([np.roll(empty, -k)[:_WIDE_GAP].all() for k in range(_SECTORS)])
     return int((wide & ~np.roll(wide, 1)).sum())
 

@@ -68,9 +68,11 @@ def fit_surface(
         _primitive(candidate, score, evidence, config)
         for candidate, score in zip(standing + fallen, scores + [0.0] * len(fallen), strict=True)
     ]
-    away = [] if chosen.is_hull else departures(chosen.fit, evidence)
-    away = away or ([] if chosen.is_hull else bowed_sides(chosen.fit, evidence))
-    rims = [] if chosen.is_hull else hidden_rims(chosen.fit, outline, evidence, config)
+    away: list[Departure] = []
+    rims: list[Departure] = []
+    if not chosen.is_hull:
+        away = departures(chosen.fit, evidence) or bowed_sides(chosen.fit, evidence)
+        rims = hidden_rims(chosen.fit, outline, evidence, config)
     figures = _budgeted(chosen, standing, scores, away, rims, evidence, config)
     radius = figures.pop(CORNER_RADIUS, None)
     edges = _edges(chosen, [*away, *rims], evidence, config)

@@ -11,7 +11,8 @@ from tablemap.config import SensorsConfig, SurfaceConfig
 from tablemap.errors import EstimationError
 from tablemap.geometry import Pose2
 from tablemap.stages.calibration import TopBelief
-from tablemap.stages.outline import EdgeKind, ViewEdges
+from tablemap.stages.outline import EdgeKind, Outline, ViewEdges
+from tablemap.stages.registration import Registration
 from tablemap.stages.surface import Mounting, Surface, fit_surface
 from tablemap.stages.surface.shapes.shape import area, signed_distance
 from tablemap.stages.surface.shapes.sides import Sight
@@ -53,6 +54,19 @@ TABLES = {
 def _fit(table: Table, bench: Bench, seed: int) -> Surface:
     outline, registration = observe(table, bench, np.random.default_rng(seed))
     return fit_surface(outline, registration, config=SurfaceConfig(), sensors=SENSORS, seed=0)
+
+
+def _fit_views(
+    outline: Outline,
+    registration: Registration,
+    views: list[ViewEdges],
+    mounting: Mounting | None = None,
+) -> Surface:
+    """Fit the surface to other views of the same outline."""
+    seen, config = replace(outline, views=tuple(views)), SurfaceConfig()
+    return fit_surface(
+        seen, registration, config=config, sensors=SENSORS, seed=0, mounting=mounting
+    )
 
 
 @pytest.mark.parametrize("name", TABLES)
@@ -201,14 +215,8 @@ def test_what_the_legs_clearly_show_of_the_camera_is_believed(left: float, turn:
     outline, registration = observe(TABLES["rectangle"], Bench(), np.random.default_rng(5))
     views = [_seen_by(view, -turn, -left) for view in outline.views]
     information = np.diag(np.array([0.0015, 0.0015, 0.001, 0.002]) ** -2.0)
-    surface = fit_surface(
-        replace(outline, views=tuple(views)),
-        registration,
-        config=SurfaceConfig(),
-        sensors=SENSORS,
-        seed=0,
-        mounting=Mounting(information, information @ np.array([0.0, left, turn, 0.0]), 1.0),
-    )
+    mounting = Mounting(information, information @ np.array([0.0, left, turn, 0.0]), 1.0)
+    surface = _fit_views(outline, registration, views, mounting)
     assert surface.shape == "rectangle"
     assert surface.pose.yaw == pytest.approx(POSE.yaw, abs=0.003)
     for name, truth in TABLES["rectangle"].dimensions.items():
@@ -369,13 +377,7 @@ def test_strays_do_not_place_a_side_that_was_not_seen() -> None:
         points[few] = base.apply(np.column_stack([np.full(5, 0.52), across]))
         normals[few] = base.rotation @ [1.0, 0.0]
         views.append(replace(view, points=points, normals=normals, top=base.apply(seen)))
-    surface = fit_surface(
-        replace(outline, views=tuple(views)),
-        registration,
-        config=SurfaceConfig(),
-        sensors=SENSORS,
-        seed=0,
-    )
+    surface = _fit_views(outline, registration, views)
     assert surface.shape == "rectangle"
     length = surface.dimensions["length"]
     assert (length.status, length.sigma) == ("unseen", None)
