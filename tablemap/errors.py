@@ -92,6 +92,9 @@ WARNING_CODES: dict[str, str] = {
     "accuracy.calibration": (
         "By the floor, the camera's tilt or depth scale is implausible; it was left as recorded."
     ),
+    "accuracy.top_distance": (
+        "Edges and depth disagree on how far the top is: TF or the depth of the top is wrong."
+    ),
     "accuracy.floor_step": (
         "The floor under the table is higher or lower than around it; the height is between them."
     ),

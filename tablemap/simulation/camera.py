@@ -116,6 +116,9 @@ class DepthCamera(Lens):
         ``progress`` is the finished part of the drive: a camera that warms up drifts.
         """
         depth, missing = self._read(view, rng)
+        if self.settings.dark_depth:
+            reflectance = view.of_material("reflectance", view.parts)
+            depth += self.settings.dark_depth * (1 - reflectance)
         if self.errors.bend:
             depth *= self.errors.bend.multiplier(depth)
         if any(self.errors.corners):

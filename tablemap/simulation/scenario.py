@@ -171,6 +171,9 @@ class CameraSection(ScenarioSection):
     warming_sigma: float = Field(
         default=0.0, ge=0, description="share by which depth's scale drifts over the drive"
     )
+    dark_depth: float = Field(
+        default=0.0, description="by which black reads farther than white, as the light is weak"
+    )
     corner_nearer: float = Field(
         default=0.0, description="by which the outermost pixels of the corners read nearer"
     )
@@ -283,6 +286,7 @@ ERRORS = {
         "bend_percent",
         "bend_growth",
         "warming_sigma",
+        "dark_depth",
         "corner_nearer",
         "flying",
         "multipath",

@@ -1,4 +1,4 @@
-"""Simulated tops of the shapes that curve, or nearly, are called what they are."""
+"""Simulated tops of rare shapes and materials are called what they are."""
 
 from __future__ import annotations
 
@@ -41,3 +41,19 @@ def test_a_simulated_top_is_found(scenario: str, seed: int, tmp_path: Path) -> N
     assert (model.surface.corner_radius is None) == (result.corner_radius is None)
     if result.corner_radius is not None:
         assert abs(result.corner_radius.error) < 0.003
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [30, 31, 32])
+def test_a_black_top_that_reads_too_far_is_doubted_and_bounded(seed: int, tmp_path: Path) -> None:
+    """Two centimetres of depth put the height off by a third of that at most, within its sigma."""
+    file = tmp_path / "lap.mcap"
+    write(simulate(load_scenario("late_top"), seed=seed), file)
+    with open_recording(file) as recording:
+        model = process(recording, config=load_config()).model
+    error = model.surface.height.value - Truth.load(Truth.beside(file)).surface.height
+    assert abs(error) < 0.007
+    assert model.surface.height.sigma is not None
+    assert abs(error) < 2 * model.surface.height.sigma
+    assert "accuracy.top_distance" in {warning.code for warning in model.warnings}
+    assert model.verdict.level == "doubtful"

@@ -10,6 +10,7 @@ from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats
 from tablemap.stages.calibration.adjustment import COUNT, FIELD, PLACE, Adjustment, Beliefs
 from tablemap.stages.calibration.field import REFERENCE_M, TERMS, DepthField
+from tablemap.stages.calibration.rivals import Rival, rivals
 from tablemap.stages.snapshots import Snapshot
 
 
@@ -26,6 +27,7 @@ class TopBelief:
     view_shift: of a single view's camera along its base, metres, whatever its pitch
     is_held: whether the camera was held by a hand
     sag: metres that the top's middle lies above its rim, negative where it sags; and its sigma
+    rivals: explanations of the top's height and distance; the edges decide between them
     """
 
     covariance: Floats
@@ -35,6 +37,7 @@ class TopBelief:
     view_shift: float
     is_held: bool
     sag: tuple[float, float] = (0.0, 0.0)
+    rivals: tuple[Rival, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,9 +144,10 @@ class Calibration:
         own = np.sqrt(np.mean(self.adjustment.own_sigma**2, axis=0))
         pitches = np.sqrt(np.mean(self.adjustment.own[:, 1] ** 2) + own[1] ** 2)
         by_roll, by_pitch = self.beliefs.lean_share
-        lower = surface_depth_sigma * axis * np.array([1.0, -1.0 / drop, 0.0, 0.0])
+        lower = axis * np.array([1.0, -1.0 / drop, 0.0, 0.0])
         return TopBelief(
-            covariance=rows @ self.adjustment.covariance @ rows.T + np.outer(lower, lower),
+            covariance=rows @ self.adjustment.covariance @ rows.T
+            + surface_depth_sigma**2 * np.outer(lower, lower),
             view_tilt=float(np.hypot(own[0], own[1]) / np.sqrt(2)),
             view_lift=float(own[2]),
             lean=(by_roll * camera, by_pitch * camera),
@@ -152,4 +156,5 @@ class Calibration:
             sag=(self.adjustment.common.sag, self.adjustment.sigma("sag"))
             if self.sees_top
             else (0.0, 0.0),
+            rivals=rivals(self.adjustment, self.beliefs, rows[:2], lower[:2], surface_depth_sigma),
         )

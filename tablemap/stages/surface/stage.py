@@ -20,6 +20,7 @@ from tablemap.stages.surface.choice import weights
 from tablemap.stages.surface.departures import Departure, bowed_sides, departures
 from tablemap.stages.surface.doubts import doubts
 from tablemap.stages.surface.evidence import Evidence, gather
+from tablemap.stages.surface.height import height_of
 from tablemap.stages.surface.joint import JointFit, corrected_poses
 from tablemap.stages.surface.motion import Mounting
 from tablemap.stages.surface.priors import top_widening
@@ -76,6 +77,7 @@ def fit_surface(
     figures = _budgeted(chosen, standing, scores, away, rims, evidence, config)
     radius = figures.pop(CORNER_RADIUS, None)
     edges = _edges(chosen, [*away, *rims], evidence, config)
+    height, distant = height_of(outline, chosen)
     relative = _pose_covariance(chosen)
     if rims:  # one of two opposite sides shifts the middle by half
         relative[:2, :2] += np.eye(2) * _mean_square(rims) / 4
@@ -84,7 +86,7 @@ def fit_surface(
         pose=primitives[0].pose,
         covariance=_in_map(relative, chosen, evidence, registration),
         relative_covariance=relative,
-        height=_height(outline, chosen),
+        height=height,
         thickness=_thickness(outline, mounting, sensors),
         dimensions=figures,
         corner_radius=radius,
@@ -101,30 +103,11 @@ def fit_surface(
         hull=hull_of(evidence, chosen.fit.points[chosen.fit.misfit < 5]) + evidence.origin,
         warnings=(
             *warnings,
+            *distant,
             *doubts(chosen, primitives, edges, figures, away, rims, evidence, config),
         ),
         beside=outline.beside,
         states=tuple(c.fit.state for c in candidates if not c.is_hull),
-    )
-
-
-def _height(outline: Outline, chosen: Candidate) -> FittedFigure:
-    """Correct the height by the fitted scale: the distance of the top from the camera."""
-    camera = outline.camera
-    floor = 0.0 if outline.floor_step is None else outline.floor_step.sigma**2
-    if camera is None:
-        own = _finite(outline.height_sigma)
-        return FittedFigure(outline.height, None if own is None else float(np.sqrt(own**2 + floor)))
-    prior = camera.covariance[:2, :2]
-    gain = float(prior[0, 1]) / max(float(prior[1, 1]), 1e-12)
-    learnt = gain**2 * max(float(prior[1, 1]) - chosen.spread.scale_sigma**2, 0.0)
-    depth = max(float(prior[0, 0]) - learnt, 0.0)
-    views = max(outline.height_sigma**2 - float(prior[0, 0]), 0.0)
-    sigma = _finite(float(np.sqrt(depth + views + floor)))
-    return FittedFigure(
-        outline.height + gain * chosen.fit.nuisances.scale,
-        sigma,
-        budget=None if sigma is None else {"noise": views, "depth": depth, "floor": floor},
     )
 
 
