@@ -150,6 +150,9 @@ WARNING_CODES: dict[str, str] = {
     "accuracy.adjoining": (
         "A surface touches the table at its height; it was removed, as it has legs of its own."
     ),
+    "accuracy.closed_body": (
+        "A closed body stands under a part of the top: a cupboard may touch the table."
+    ),
     "accuracy.two_tables": "The legs stand like those of two tables that were pushed together.",
     "accuracy.views_disagree": (
         "The views' edges fit together only with errors larger than is believed."

@@ -10,6 +10,7 @@ from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats, Pose2
 from tablemap.model.outlines import simple_polygon
 from tablemap.recording import Recording
+from tablemap.stages.legs.bodies import find_bodies
 from tablemap.stages.legs.candidates import LegCandidate, find_candidates, judge
 from tablemap.stages.legs.depth import Reach, find_posts, reach
 from tablemap.stages.legs.layout import Frame, is_two_tables
@@ -114,6 +115,14 @@ def find_legs(
     if is_two_tables(frame, places):
         message = "The legs stand like those of two tables that were pushed together."
         warnings.append(_warning("accuracy.two_tables", message))
+    bodies = find_bodies(
+        snapshots,
+        poses,
+        evidence if scans is not None else np.zeros((0, 2)),
+        polygon,
+        surface.height.value,
+    )
+    warnings += [body.warning for body in bodies[:1]]
     return Legs(
         tuple(legs),
         tuple(rejected + refused),
