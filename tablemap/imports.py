@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import gc
 import os
 import sys
@@ -130,12 +131,13 @@ def without_pydantic_plugins() -> None:
 
 
 def collect_rarely() -> None:
-    """Let this program's process look less often for objects that hold each other.
+    """Let this program's process hardly look for objects that hold each other.
 
     A run makes few of them. Python looks after every 700 new objects, most of which are there to
-    stay: modules, and what a run has found.
+    stay: modules, and what a run has found. It looks at all of them again when the program ends.
     """
-    gc.set_threshold(50_000)
+    gc.set_threshold(1_000_000)
+    atexit.register(gc.freeze)
 
 
 class _HidesPandas:
