@@ -25,14 +25,16 @@ MOUNT = (0.1675, 0.0, 0.1844)
 
 ANGLE_MIN, ANGLE_MAX, BEAMS = -2.1, 2.1, 721
 RANGE_MIN, RANGE_MAX = 0.05, 60.0
-SCAN_TIME = 1 / 30
 INCREMENT = (ANGLE_MAX - ANGLE_MIN) / (BEAMS - 1)
-TIME_INCREMENT = SCAN_TIME * INCREMENT / (2 * np.pi)
-"""Seconds from beam to beam: the mirror turns once a scan."""
 
 _HARMONICS = 3
 _SUBBEAMS = 3
 _SPOT = 0.06  # echoes closer together than this in range (metres) are one
+
+
+def time_increment(laser: Laser) -> float:
+    """Return the seconds from beam to beam: the mirror turns once a scan."""
+    return laser.turn_seconds * INCREMENT / (2 * np.pi)
 
 
 @dataclass(frozen=True)
@@ -98,9 +100,10 @@ def scan(
 ) -> NDArray[np.float32]:
     """Return the (n, beams) ranges of scans that start at (n,) times; the base moves meanwhile."""
     subbeams = _SUBBEAMS if laser.beam_deg else 1
-    times = (seconds[:, None] + np.arange(BEAMS) * TIME_INCREMENT).ravel()
+    beam = time_increment(laser)
+    times = (seconds[:, None] + np.arange(BEAMS) * beam).ravel()
     # Within a scan the base moves by millimetres: interpolate between its first and last pose.
-    first, last = drive.base(seconds), drive.base(seconds + BEAMS * TIME_INCREMENT)
+    first, last = drive.base(seconds), drive.base(seconds + BEAMS * beam)
     turn = wrap_angles(last[:, 2] - first[:, 2])
     step = np.column_stack([last[:, :2] - first[:, :2], turn])
     done = np.arange(BEAMS) / BEAMS

@@ -116,6 +116,8 @@ def _logged(simulation: Simulation, messages: RosMessages) -> Iterator[tuple[str
     poses = _poses(simulation, messages)
     ranges = _scans(simulation)
     pictures = _Pictures(simulation, messages)
+    laser = simulation.scenario.laser
+    beam = scanner.time_increment(laser) if laser.says_times else 0.0
     yield "tf_static", entries[0].second, _static(simulation, messages)
     for entry in entries:
         stamp_ns = simulation.stamp_ns(entry.second)
@@ -130,7 +132,7 @@ def _logged(simulation: Simulation, messages: RosMessages) -> Iterator[tuple[str
                     LASER_FRAME,
                     ranges[entry.index],
                     angles=(scanner.ANGLE_MIN, scanner.ANGLE_MAX, scanner.INCREMENT),
-                    times=(scanner.TIME_INCREMENT, scanner.SCAN_TIME),
+                    times=(beam, laser.turn_seconds),
                     limits=(scanner.RANGE_MIN, scanner.RANGE_MAX),
                 ),
             )

@@ -224,6 +224,8 @@ class Laser(ScenarioSection):
     bias_slope_sigma: float = Field(default=0.0005, ge=0, description="metres a metre, to 3 m")
     scale_sigma: float = Field(default=0.0005, ge=0)
     beam_deg: float = Field(default=0.2, ge=0, description="full width of a beam; 0: a line")
+    turn_seconds: float = Field(default=1 / 30, gt=0, description="of the mirror")
+    says_times: bool = Field(default=True, description="else its time_increment is zero")
     mount_sigma: float = Field(default=0.0, ge=0)
     mount_yaw_sigma_deg: float = Field(default=0.0, ge=0)
     dropout: float = Field(default=0.002, ge=0, lt=1)

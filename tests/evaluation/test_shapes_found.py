@@ -57,3 +57,21 @@ def test_a_black_top_that_reads_too_far_is_doubted_and_bounded(seed: int, tmp_pa
     assert abs(error) < 2 * model.surface.height.sigma
     assert "accuracy.top_distance" in {warning.code for warning in model.warnings}
     assert model.verdict.level == "doubtful"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [30, 31])
+def test_a_slow_laser_that_never_stops_puts_the_legs_right(seed: int, tmp_path: Path) -> None:
+    """Scans of a fifth of a second that say no time_increment: found, said, and no doubt."""
+    file = tmp_path / "drive.mcap"
+    write(simulate(load_scenario("slow_laser"), seed=seed), file)
+    with open_recording(file) as recording:
+        model = process(recording, config=load_config()).model
+    result = score(model, Truth.load(Truth.beside(file)))
+    assert "registration.sweep" in {warning.code for warning in model.warnings}
+    assert model.verdict.level == "good"
+    assert result.shape == "rectangle"
+    assert result.legs is not None
+    assert (result.legs.found, result.legs.missed) == (4, 0)
+    assert max(abs(error.error) for error in result.dimensions) < 0.003
+    assert max(abs(place.error) for place in result.legs.places) < 0.0035

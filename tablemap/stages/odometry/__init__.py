@@ -4,6 +4,7 @@ from tablemap.stages.odometry.lines import fit_windows
 from tablemap.stages.odometry.result import Odometry, OdometryMap, OdometryScan
 from tablemap.stages.odometry.stage import estimate_odometry
 from tablemap.stages.odometry.sweep import (
+    as_turning,
     combine_beams,
     points_in_base,
     sweep_motion,
@@ -16,6 +17,7 @@ __all__ = [
     "OdometryMap",
     "OdometryScan",
     "Trajectory",
+    "as_turning",
     "combine_beams",
     "estimate_odometry",
     "fit_windows",

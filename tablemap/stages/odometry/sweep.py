@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -52,7 +52,8 @@ def sweep_motion(
 ) -> tuple[Pose2 | None, float]:
     """Return the base's motion during a scan (None: unknown or none), and the scan's duration.
 
-    If the driver leaves ``time_increment`` at zero, the duration is zero.
+    If the driver leaves ``time_increment`` at zero, the duration is zero. It is negative if the
+    last beam of the message was measured first.
     """
     window = sweep_window(scan)
     if window is None:
@@ -66,10 +67,16 @@ def sweep_motion(
     return Pose2(step.x * share, step.y * share, step.yaw * share), duration
 
 
+def as_turning(scan: LaserScan, turn_seconds: float) -> LaserScan:
+    """Return a scan as of a laser that turns once in a time, and takes one beam after the other."""
+    beam = turn_seconds * abs(scan.angle_increment) / (2 * np.pi)
+    return replace(scan, time_increment=beam)
+
+
 def sweep_window(scan: LaserScan) -> tuple[int, int] | None:
     """Return the nanoseconds from a scan's stamp to where its motion is measured; None without."""
     duration = scan.sweep_seconds
-    if not 0.0 < duration < 1.0:
+    if not 0.0 < abs(duration) < 1.0:
         return None
     span = _span(duration)
     return round((duration - span) / 2 * 1e9), round((duration + span) / 2 * 1e9)
@@ -77,7 +84,7 @@ def sweep_window(scan: LaserScan) -> tuple[int, int] | None:
 
 def _span(duration: float) -> float:
     # The recorded poses lie further apart in time than a sweep: a longer interval is more stable.
-    return max(duration, 0.1)
+    return max(abs(duration), 0.1)
 
 
 def thinned(stamps_ns: Ints, most: int) -> Ints:

@@ -4,6 +4,9 @@ A laser's ranges err by millimetres that change slowly with the beam's angle (Kn
 and Siegwart, "Characterization of the compact Hokuyo URG-04LX 2D laser range finder", ICRA 2009).
 Stops that see one wall at different angles show this error: without it the poses take it up, and
 the whole ring of stops becomes wider or narrower.
+
+A scan of a moving base that does not say how long it took may have taken a moment or a turn of the
+mirror. That share of a turn is a nuisance, too: scans taken on other ways show it.
 """
 
 from __future__ import annotations
@@ -27,6 +30,7 @@ _NORMAL_COSINE = 0.9
 _LOOSE = 1e-2  # information that keeps the whole in place: the polish is about relative poses
 _LEAST_SIGMA = 5e-4
 _SETTLED_SHARE = 0.01  # of a gate but the last
+_SWEEP_SIGMA = 1.0  # of a turn
 
 
 _HARMONICS = 3  # of the beam's angle: the errors that change with it are smooth
@@ -70,6 +74,8 @@ class Polished:
     - ``poses``: (n, 3) x, y, yaw in metres and radians
     - ``covariance``: (3n, 3n), with the common motion of all poses nearly free
     - ``range_errors``: (k,), the factors of `RangePrior.modes`
+    - ``sweep``: the share of a turn that scans took which do not say it, and its sigma; None if
+      there is none (`StopScan.sweep`)
     - ``rms``: metres, of the residuals
     - ``matched``: (n,), how many correspondences each stop has
     """
@@ -79,6 +85,7 @@ class Polished:
     range_errors: Floats
     rms: float
     matched: Floats
+    sweep: tuple[float, float] | None = None
 
 
 def polish(
@@ -109,7 +116,8 @@ def polish(
     sources = {t: [s for s, target in ordered if target == t] for _, t in ordered}
     targets = [_Target.of(t, scans, its, ranges) for t, its in sorted(sources.items())]
     poses = poses.astype(np.float64).copy()
-    prior = ranges.sigmas
+    sweeps = any(stop.sweep is not None for stop in scans.values())
+    prior = np.append(ranges.sigmas, [_SWEEP_SIGMA] * sweeps)
     last = 3 * len(poses)
     size = last + len(prior)
     errors, sigma = np.zeros(len(prior)), kernel
@@ -135,8 +143,10 @@ def polish(
                 break
     system = sums.system / (sigma**2 * effective)
     _add_priors(system, np.zeros(size), poses, errors, edges, prior)
-    covariance = cho_solve(cho_factor(system), np.eye(size))[:last, :last]
-    return Polished(poses, covariance, errors, sigma, sums.matched)
+    covariance = cho_solve(cho_factor(system), np.eye(size))
+    sweep = (float(errors[-1]), float(np.sqrt(covariance[-1, -1]))) if sweeps else None
+    errors = errors[: len(errors) - sweeps]
+    return Polished(poses, covariance[:last, :last], errors, sigma, sums.matched, sweep)
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,6 +175,8 @@ class _Target:
     - ``points``, ``normals``, ``directions``: (2, n) of the sources, each in its own base
     - ``to_points``, ``to_normals``, ``to_directions``: (2, m) of the target
     - ``modes``, ``to_modes``: (n, k) and (m, k), of the errors of their ranges
+    - ``sweeps``, ``to_sweeps``: (2, n) and (2, m), `StopScan.sweep`, 0 where the scan has none;
+      None if no scan has one
     - ``tree``: of the target's points
     """
 
@@ -179,6 +191,8 @@ class _Target:
     to_normals: Floats
     to_directions: Floats
     to_modes: Floats
+    sweeps: Floats | None
+    to_sweeps: Floats | None
     tree: cKDTree
 
     @staticmethod
@@ -191,6 +205,8 @@ class _Target:
 
         own = scans[index]
         beams = of_sources("directions")
+        swept = any(stop.sweep is not None for stop in scans.values())
+        moves = [_sweep(scans[s])[:: _every(scans[s])] for s in sources] if swept else []
         counts = [len(scans[s].points[:: _every(scans[s])]) for s in sources]
         return _Target(
             index=index,
@@ -204,8 +220,14 @@ class _Target:
             to_normals=np.ascontiguousarray(own.normals.T),
             to_directions=np.ascontiguousarray(own.directions.T),
             to_modes=ranges.modes(own.directions),
+            sweeps=np.ascontiguousarray(np.concatenate(moves).T) if swept else None,
+            to_sweeps=np.ascontiguousarray(_sweep(own).T) if swept else None,
             tree=cKDTree(own.points),
         )
+
+
+def _sweep(stop: StopScan) -> Floats:
+    return np.zeros_like(stop.points) if stop.sweep is None else stop.sweep
 
 
 def _correspond(
@@ -245,7 +267,10 @@ def _paired(
     """
     from_sources, from_target = poses[target.sources], poses[target.index]
     counts = np.diff(target.ends)
-    corrected = target.points + (target.modes @ errors) * target.directions
+    bends = target.modes.shape[1]
+    corrected = target.points + (target.modes @ errors[:bends]) * target.directions
+    if target.sweeps is not None:
+        corrected += errors[-1] * target.sweeps
     relative = compose(inverses(from_target[None]), from_sources).T
     turns = np.repeat(_turns(relative[2]), counts, axis=1)
     moved = _turned(turns, corrected) + np.repeat(relative[:2], counts, axis=1)
@@ -260,7 +285,10 @@ def _paired(
     turns, turn = np.repeat(_turns(from_sources[:, 2]), counts, axis=1), _turns(from_target[2:])
     p = _turned(turns, corrected[:, found])
     to_modes, to_beams = target.to_modes[index], target.to_directions[:, index]
-    q = _turned(turn, target.to_points[:, index] + (to_modes @ errors) * to_beams)
+    to_points = target.to_points[:, index] + (to_modes @ errors[:bends]) * to_beams
+    if target.to_sweeps is not None:
+        to_points += errors[-1] * target.to_sweeps[:, index]
+    q = _turned(turn, to_points)
     n = _turned(turn, target.to_normals[:, index])
     apart = p + np.repeat(from_sources[:, :2].T, counts, axis=1) - q - from_target[:2, None]
     by_source = _dot(n, _turned(turns, target.directions[:, found]))
@@ -269,7 +297,11 @@ def _paired(
     rows[:, 0:2], rows[:, 3:5] = n.T, -n.T
     rows[:, 2] = n[1] * p[0] - n[0] * p[1]
     rows[:, 5] = -(n[1] * q[0] - n[0] * q[1]) + (n[0] * apart[1] - n[1] * apart[0])
-    rows[:, 6:] = by_source[:, None] * target.modes[found] - by_target[:, None] * to_modes
+    rows[:, 6 : 6 + bends] = by_source[:, None] * target.modes[found]
+    rows[:, 6 : 6 + bends] -= by_target[:, None] * to_modes
+    if target.sweeps is not None and target.to_sweeps is not None:
+        rows[:, -1] = _dot(n, _turned(turns, target.sweeps[:, found]))
+        rows[:, -1] -= _dot(n, _turned(turn, target.to_sweeps[:, index]))
     return rows, _dot(n, apart), ends
 
 

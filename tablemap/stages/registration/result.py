@@ -27,6 +27,8 @@ class StopScan:
     - ``bearings``, ``ranges``: (m,) radians and metres of all beams by ascending bearing, NaN where
       nothing was measured; they tell which space is free, and include points without a normal
     - ``noise``: metres, the points' RMS off the lines through their neighbours
+    - ``sweep``: (n, 2) metres by which the points move if the laser took a full turn for them one
+      after the other; None where the base stood, or where the scan itself says how long it took
     """
 
     index: int
@@ -38,6 +40,7 @@ class StopScan:
     bearings: Floats
     ranges: Floats
     noise: float
+    sweep: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)

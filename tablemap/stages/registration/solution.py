@@ -22,7 +22,10 @@ _USED_WEIGHT = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """``poses`` (n, 3) and their relative ``covariance`` (3n, 3n), not yet placed in the map."""
+    """``poses`` (n, 3) and their relative ``covariance`` (3n, 3n), not yet placed in the map.
+
+    ``sweep`` is what `polish` found of scans that do not say how long they took.
+    """
 
     poses: Floats
     covariance: Floats
@@ -31,6 +34,7 @@ class Solution:
     source: PoseSource
     systematic: float
     warnings: tuple[ProcessWarning, ...]
+    sweep: tuple[float, float] | None = None
 
 
 def odometry_edges(snapshots: Sequence[Snapshot], odometry: Odometry) -> list[GraphEdge]:

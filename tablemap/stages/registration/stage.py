@@ -17,6 +17,7 @@ from tablemap.stages.outline import Outline
 from tablemap.stages.registration.depth.depth import register_depth
 from tablemap.stages.registration.laser.laser import register_laser
 from tablemap.stages.registration.laser.stops import stop_scan
+from tablemap.stages.registration.laser.sweep import said_of, told_share, turn_seconds
 from tablemap.stages.registration.placement import bend_trajectory, place_in_map, stretched
 from tablemap.stages.registration.result import Registration, StopScan
 from tablemap.stages.registration.solution import Solution
@@ -25,6 +26,7 @@ from tablemap.stages.snapshots import Snapshot
 _LEAST_STOP_POINTS = 40
 _DEPTH_EXCESS = 2.0
 """Real errors of poses from depth alone over their formal sigmas, as measured on real drives."""
+_SWEEP_ROUNDS = 5
 _LOST, _LOST_SHARE = 0.3, 1 / 3  # metres, and share of views: a localisation that is lost
 _WANDERS = 0.10  # metres: a localisation that spreads further is worth a warning
 
@@ -50,22 +52,15 @@ def register(
         raise EstimationError("expected at least one snapshot to register, found none")
     localised = np.array([snapshot.map_from_base.as_array() for snapshot in snapshots])
     initial = _initial(odometry, snapshots, localised)
+    warnings: list[ProcessWarning] = []
     # The systems are small: threads cost more than they save, and one thread makes runs repeat.
     with threadpool_limits(limits=1):
-        stops = _stop_scans(recording, snapshots, odometry, config, sensors)
-        for stop in stops:
-            if stop is not None:
-                record(stop)
+        stops = _stop_scans(recording, snapshots, odometry, config, sensors, record)
         if sum(stop is not None for stop in stops) >= 2:
-            solution = register_laser(
-                stops,
-                snapshots,
-                odometry,
-                initial,
-                config=config,
-                sensors=sensors,
-                record=record,
+            stops, solution, share = _by_laser(
+                recording, stops, snapshots, odometry, initial, config, sensors, record
             )
+            warnings = said_of(share, recording)
         else:
             solution = register_depth(
                 snapshots,
@@ -85,7 +80,7 @@ def register(
             covariance = _DEPTH_EXCESS**2 * covariance
         fit, placement = place_in_map(relative, localised)
     poses = tuple(fit @ Pose2.from_array(pose) for pose in relative)
-    warnings = [*solution.warnings, *_missing(stops, snapshots, solution)]
+    warnings += [*solution.warnings, *_missing(stops, snapshots, solution)]
     warnings += _doubts(solution, snapshots, poses, localised)
     return Registration(
         map_from_base=poses,
@@ -102,6 +97,39 @@ def register(
         warnings=tuple(warnings),
         stretch_sigma=stretch_sigma,
     )
+
+
+def _by_laser(
+    recording: Recording,
+    stops: tuple[StopScan | None, ...],
+    snapshots: tuple[Snapshot, ...],
+    odometry: Odometry,
+    initial: Floats,
+    config: RegistrationConfig,
+    sensors: SensorsConfig,
+    record: Record,
+) -> tuple[tuple[StopScan | None, ...], Solution, float]:
+    """Register by the laser, again where it shows that the scans took a part of a turn.
+
+    Returns the scans that were registered at last, the solution, and that share.
+    """
+
+    def solved() -> Solution:
+        return register_laser(
+            stops, snapshots, odometry, initial, config=config, sensors=sensors, record=record
+        )
+
+    share, solution = 0.0, solved()
+    for _ in range(_SWEEP_ROUNDS):
+        missing = told_share(solution.sweep, share)
+        if not missing:
+            break
+        share += missing
+        stops = _stop_scans(
+            recording, snapshots, odometry, config, sensors, record, turn_share=share
+        )
+        solution = solved()
+    return stops, solution, share
 
 
 def _initial(odometry: Odometry, snapshots: tuple[Snapshot, ...], localised: Floats) -> Floats:
@@ -122,9 +150,14 @@ def _stop_scans(
     odometry: Odometry,
     config: RegistrationConfig,
     sensors: SensorsConfig,
+    record: Record,
+    *,
+    turn_share: float = 0.0,
 ) -> tuple[StopScan | None, ...]:
+    """Return and record the scans at the stops, of snapshots that have a good one."""
     if recording.names.laser is None:
         return (None,) * len(snapshots)
+    turn = turn_seconds(recording)
     scans = [
         stop_scan(
             recording,
@@ -132,13 +165,19 @@ def _stop_scans(
             odometry.trajectory,
             most_scans=config.stop_scans,
             maximum_range=sensors.laser_maximum_range_registration,
+            turn_seconds=turn,
+            turn_share=turn_share,
         )
         for snapshot in snapshots
     ]
-    return tuple(
+    stops = tuple(
         scan if scan is not None and len(scan.points) >= _LEAST_STOP_POINTS else None
         for scan in scans
     )
+    for stop in stops:
+        if stop is not None:
+            record(stop)
+    return stops
 
 
 def _turned(covariance: Floats, rotation: Floats) -> Floats:

@@ -55,6 +55,7 @@ class _Attempt:
     covariance: Floats
     pairs: tuple[Pair, ...]
     checks: tuple[StopCheck, ...]
+    sweep: tuple[float, float] | None
 
 
 def register_laser(
@@ -114,6 +115,7 @@ def register_laser(
             np.hypot(sensors.laser_range_scale_sigma_wide * spread, sensors.laser_mounting_sigma)
         ),
         warnings=tuple(warnings),
+        sweep=attempt.sweep,
     )
 
 
@@ -181,6 +183,7 @@ def _attempt(
         covariance=relative_covariance(polished.poses, polished.covariance),
         pairs=(*judged, *joined, *odometry_pairs(edges, weights[: len(edges)])),
         checks=checks,
+        sweep=polished.sweep,
     )
 
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import dataclass
 
 import numpy as np
 
-from tablemap.geometry import Floats, Pose2
+from tablemap.geometry import Bools, Floats, Pose2
 from tablemap.recording import Recording
 from tablemap.recording.messages import LaserScan
 from tablemap.stages.odometry import (
     Trajectory,
+    as_turning,
     combine_beams,
     points_in_base,
     sweep_motion,
@@ -31,28 +33,49 @@ def stop_scan(
     *,
     most_scans: int,
     maximum_range: float,
+    turn_seconds: float = 0.0,
+    turn_share: float = 0.0,
 ) -> StopScan | None:
     """Combine the scans of a snapshot's standing interval, beam by beam, into one in the base.
 
     If the base did not stand still, the scan nearest in time is de-skewed, and the odometry moves
     it to the snapshot's stamp. At most ``most_scans`` are combined, and ranges beyond
-    ``maximum_range`` (metres) are left out. Returns None if there is no scan.
+    ``maximum_range`` (metres) are left out. If a scan does not say how long it took, it is taken as
+    of ``turn_share`` of a turn of ``turn_seconds``. Returns None if there is no scan.
     """
     scans = _standing_scans(recording, snapshot, trajectory, most_scans)
     if len(scans) >= 2:
         ranges = _combined(np.stack([_cleaned(s, maximum_range) for s in scans]))
         return _as_stop(
-            recording, snapshot, scans[0], ranges, Pose2(), None, len(scans), maximum_range
+            recording, snapshot, scans[0], ranges, Pose2(), _STANDS, len(scans), maximum_range
         )
     window = _NEAREST_SCAN_NS
     near = list(recording.scans(snapshot.stamp_ns - window, snapshot.stamp_ns + window)) or scans
     if not near:
         return None
     nearest = min(near, key=lambda s: (abs(s.stamp_ns - snapshot.stamp_ns), s.stamp_ns))
-    motion, _ = sweep_motion(nearest, trajectory.at)
+    motion = _Motion(sweep_motion(nearest, trajectory.at)[0])
+    if not nearest.time_increment and turn_seconds:
+        turn, _ = sweep_motion(as_turning(nearest, turn_seconds), trajectory.at)
+        motion = _Motion(None if turn is None else _part(turn, turn_share), turn)
     moved = trajectory.at(snapshot.stamp_ns).inverse() @ trajectory.at(nearest.stamp_ns)
     ranges = _cleaned(nearest, maximum_range)
     return _as_stop(recording, snapshot, nearest, ranges, moved, motion, 1, maximum_range)
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """The base's motion while a scan was taken, and that of a whole turn if this is not known."""
+
+    during: Pose2 | None
+    turn: Pose2 | None = None
+
+
+_STANDS = _Motion(None)
+
+
+def _part(motion: Pose2, share: float) -> Pose2:
+    return Pose2(share * motion.x, share * motion.y, share * motion.yaw)
 
 
 def _combined(ranges: Floats) -> Floats:
@@ -94,15 +117,17 @@ def _as_stop(
     scan: LaserScan,
     ranges: Floats,
     moved: Pose2,
-    motion: Pose2 | None,
+    motion: _Motion,
     scans: int,
     maximum_range: float,
 ) -> StopScan:
     base_from_laser = recording.base_from_laser(scan.stamp_ns)
     combined = LaserScan(**{**vars(scan), "ranges": ranges.astype(np.float32)})
-    lifted, valid = points_in_base(
-        combined, base_from_laser, maximum_range=maximum_range, motion=motion
-    )
+
+    def lift(motion: Pose2 | None) -> tuple[Floats, Bools]:
+        return points_in_base(combined, base_from_laser, maximum_range=maximum_range, motion=motion)
+
+    lifted, valid = lift(motion.during)
     points = moved.apply(np.where(valid[:, None], lifted[:, :2], np.nan))
     origin = moved.apply(base_from_laser[:2, 3])
     beams = np.stack([np.cos(scan.angles), np.sin(scan.angles), np.zeros(len(ranges))], axis=1)
@@ -114,6 +139,9 @@ def _as_stop(
         valid, np.arctan2(offset[:, 1], offset[:, 0]), np.arctan2(direction[:, 1], direction[:, 0])
     )
     order = np.argsort(bearing, kind="stable")
+    sweep = None
+    if motion.turn is not None:
+        sweep = moved.rotate((lift(motion.turn)[0] - lift(None)[0])[holds, :2])
     return StopScan(
         index=snapshot.index,
         points=points[holds],
@@ -124,4 +152,5 @@ def _as_stop(
         bearings=bearing[order],
         ranges=np.linalg.norm(offset, axis=1)[order],
         noise=noise,
+        sweep=sweep,
     )
