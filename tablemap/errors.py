@@ -155,6 +155,7 @@ WARNING_CODES: dict[str, str] = {
         "A closed body stands under a part of the top: a cupboard may touch the table."
     ),
     "accuracy.two_tables": "The legs stand like those of two tables that were pushed together.",
+    "accuracy.unsure_legs": "Things under the top may be legs; they are not in the model.",
     "accuracy.views_disagree": (
         "The views' edges fit together only with errors larger than is believed."
     ),

@@ -12,9 +12,10 @@ from tablemap.model.shapes import CIRCLE, RECTANGLE, SQUARE, ShapeRecord
 from tablemap.stages.legs.chairs import chair_like
 from tablemap.stages.legs.clusters import Cluster, Persistence, find_clusters, persistence
 from tablemap.stages.legs.depth import Reach, reach
+from tablemap.stages.legs.ends import UNSEEN, UpperEnd, upper_end
 from tablemap.stages.legs.evidence import STOP_POSITION_SIGMA, LegEvidence, gather_evidence, thinned
 from tablemap.stages.legs.fit import Fit, Priors, criterion, fit_alone
-from tablemap.stages.legs.layout import Frame, rectangles, table_sets
+from tablemap.stages.legs.layout import Frame, are_alike, rectangles, table_sets
 from tablemap.stages.legs.primitives import chords, sizes_of
 from tablemap.stages.legs.scans import Scans
 from tablemap.stages.legs.silhouettes import Segments, Walls, beam_points, find_segments
@@ -55,6 +56,8 @@ class LegCandidate:
 
     ``reason`` says why it is no leg (None: it is one). ``is_open`` tells that the laser says too
     little of it, or sees something else at its foot: the depth camera may still find a leg there.
+    ``is_unsure`` tells that it may be a leg for all that was seen, and that only the layout speaks
+    against it. ``end`` is what the views saw of its upper end.
     """
 
     cluster: Cluster
@@ -66,6 +69,8 @@ class LegCandidate:
     reach: Reach
     reason: str | None
     is_open: bool = False
+    end: UpperEnd = UNSEEN
+    is_unsure: bool = False
 
     @property
     def kind(self) -> ShapeRecord:
@@ -149,6 +154,17 @@ def _judged(
     found = replace(found, reason=_objection(found, frame, config))
     if found.reason is not None:
         return found
+    end = upper_end(snapshots, poses, frame, place, 0.5 * size)
+    found = replace(found, end=end)
+    if end.is_below:
+        return replace(found, reason=f"does not reach the top: {end}")
+    # A leg that leans is not above its foot: followed up to the top, it is there all the same.
+    if found.cluster.slender and looked.is_free and not end.is_at_top:
+        reason = (
+            "does not reach the top: the depth camera saw through between them "
+            f"{looked.passed} times"
+        )
+        return replace(found, reason=reason)
     fit = fits[found.kind]
     if fit.rms[0] > _ROUGHNESS + _ROUGHNESS_SHARE * size:
         return replace(found, reason="its silhouettes do not agree on a shape", is_open=True)
@@ -224,11 +240,6 @@ def _objection(found: LegCandidate, frame: Frame, config: LegsConfig) -> str | N
         return f"{100 * size:.0f} cm by {100 * width:.0f} cm: too large for a leg"
     if size < config.smallest_leg:
         return f"{1000 * size:.0f} mm across: too thin for a leg"
-    if found.cluster.slender and found.reach.is_free:
-        return (
-            f"does not reach the top: the depth camera saw through between them "
-            f"{found.reach.passed} times"
-        )
     return None
 
 
@@ -252,7 +263,7 @@ def judge(candidates: list[LegCandidate], frame: Frame) -> list[LegCandidate]:
     for i in alive:
         place = candidates[i].place
         signs = _Signs(
-            reaches_top=candidates[i].reach.is_up,
+            reaches_top=candidates[i].reach.is_up or candidates[i].end.is_at_top,
             in_complete_set=i in complete,
             in_partial_set=i in partial,
             in_chair=i in chairs,
@@ -263,7 +274,46 @@ def judge(candidates: list[LegCandidate], frame: Frame) -> list[LegCandidate]:
         )
         if signs.score() < _LEAST_FOR_A_LEG:
             judged[i] = replace(candidates[i], reason=signs.objection(frame.inset(place)))
-    return _completed(judged, slender, frame)
+    return _doubted(_completed(judged, slender, frame), complete, chairs, frame)
+
+
+def _doubted(
+    judged: list[LegCandidate], complete: set[int], chairs: set[int], frame: Frame
+) -> list[LegCandidate]:
+    """Set aside what no view saw meet the top, if other legs carry it and are made otherwise.
+
+    ``complete`` are the indices of a complete set of legs, ``chairs`` of things that stand like
+    chairs' legs. A shin or a post of almost the top's height cannot be told from a leg then.
+    """
+    legs = [i for i, candidate in enumerate(judged) if candidate.reason is None]
+    carry = [i for i in legs if i in complete] or [
+        i for i in legs if frame.is_central(judged[i].place)
+    ]
+    if not carry:
+        return judged
+    sizes = np.array([judged[i].size for i in carry])
+    usual = float(np.median(sizes))
+    result = list(judged)
+    for i in legs:
+        candidate = judged[i]
+        # Beside a pedestal, that a thing is as wide as the column says nothing for it.
+        alike = bool(complete) and bool(are_alike(np.array([candidate.size]), usual)[0])
+        # Beyond the top, things of its height need not touch it.
+        meets = candidate.end.is_at_top and not frame.is_beyond(candidate.place)
+        if i in carry or meets or (alike and i not in chairs):
+            continue
+        unseen = candidate.end.hidden
+        upper = f"its upper {100 * unseen:.0f} cm" if np.isfinite(unseen) else "its upper end"
+        reason = (
+            f"{100 * candidate.size:.0f} cm across, and no view saw {upper}: it may be a leg, but "
+            f"{counted(len(carry), 'leg')} of {100 * usual:.0f} cm {_carry(len(carry))} the top"
+        )
+        result[i] = replace(candidate, reason=reason, is_unsure=True)
+    return result
+
+
+def _carry(count: int) -> str:
+    return "carries" if count == 1 else "carry"
 
 
 def _completed(judged: list[LegCandidate], slender: list[int], frame: Frame) -> list[LegCandidate]:
@@ -309,7 +359,7 @@ class _Signs:
             score += _REACHES_BESIDE if self.is_beyond else _REACHES_TOP
         if self.in_complete_set:
             score += _OF_COMPLETE_SET
-        elif self.in_partial_set:
+        elif self.in_partial_set and not (self.in_chair and self.table_has_set):
             score += _OF_PARTIAL_SET
         if self.is_central:
             score += _IN_THE_MIDDLE

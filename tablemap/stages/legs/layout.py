@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from shapely.geometry import Point, Polygon
 
-from tablemap.geometry import Floats
+from tablemap.geometry import Bools, Floats
 from tablemap.model.shapes import ShapeRecord, shape_named
 from tablemap.stages.surface import Surface
 
@@ -122,6 +122,12 @@ def partners(frame: Frame, places: Floats) -> Floats:
     return mapped
 
 
+def are_alike(sizes: Floats, size: float) -> Bools:
+    """Tell which of ``sizes`` (n,) metres are as legs made alike with one of ``size`` are."""
+    alike: Bools = np.abs(sizes - size) < max(_ALIKE * size, _ALIKE_M)
+    return alike
+
+
 def rectangles(places: Floats, sizes: Floats) -> list[tuple[int, ...]]:
     """Return fours of places (n, 2) of things alike in size (n,) that stand in a rectangle.
 
@@ -130,7 +136,7 @@ def rectangles(places: Floats, sizes: Floats) -> list[tuple[int, ...]]:
     """
     found: set[tuple[int, ...]] = set()
     for corner in range(len(places)):
-        alike = np.abs(sizes - sizes[corner]) < np.maximum(_ALIKE * sizes[corner], _ALIKE_M)
+        alike = are_alike(sizes, float(sizes[corner]))
         own = [int(i) for i in np.flatnonzero(alike) if i != corner]
         for i, j in combinations(own, 2):
             first, second = places[i] - places[corner], places[j] - places[corner]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from tablemap.model.shapes import CIRCLE, SQUARE
 from tablemap.stages.legs.candidates import UNDER_ANOTHER, LegCandidate
 from tablemap.stages.legs.clusters import persistence
 from tablemap.stages.legs.depth import Post
+from tablemap.stages.legs.ends import UpperEnd
 from tablemap.stages.legs.evidence import STOP_POSITION_SIGMA
 from tablemap.stages.legs.fit import Fit, Priors, criterion, fit_alone
 from tablemap.stages.legs.layout import Frame, symmetric_sets
@@ -36,11 +38,15 @@ def accept_posts(
     legs: list[Leg],
     candidates: list[LegCandidate],
     scans: Scans | None,
+    end_of: Callable[[Floats, float], UpperEnd],
     frame: Frame,
     *,
     sensors: SensorsConfig,
 ) -> tuple[list[Leg], list[RejectedCluster]]:
-    """Return the posts that are new legs, and the rejected ones with their reasons."""
+    """Return the posts that are new legs, and the rejected ones with their reasons.
+
+    ``end_of`` returns what the views saw of the upper end of a thing at a place, of a radius.
+    """
     taken = [np.array([leg.x, leg.y]) for leg in legs]
     taken += [candidate.place for candidate in candidates if not candidate.is_open]
     fitted: list[_Fitted] = []
@@ -61,6 +67,10 @@ def accept_posts(
             if seen.passed >= max(1, seen.hit + seen.lost):
                 refused.append(_refused(post, "the laser saw free space at its foot"))
                 continue
+        end = end_of(place, 0.5 * float(fit.parameters[0, 2]))
+        if end.is_below:
+            refused.append(_refused(post, f"does not reach the top: {end}"))
+            continue
         fitted.append(_Fitted(post, fit, place))
     fitted, doubles = _without_doubles(fitted)
     refused += doubles

@@ -13,6 +13,7 @@ from tablemap.recording import Recording
 from tablemap.stages.legs.bodies import find_bodies
 from tablemap.stages.legs.candidates import LegCandidate, find_candidates, judge
 from tablemap.stages.legs.depth import Reach, find_posts, reach
+from tablemap.stages.legs.ends import UpperEnd, upper_end
 from tablemap.stages.legs.layout import Frame, is_two_tables
 from tablemap.stages.legs.missing import infer_missing
 from tablemap.stages.legs.posts import accept_posts
@@ -82,13 +83,20 @@ def find_legs(
             config=config,
             sensors=sensors,
         )
-        more, refused = accept_posts(posts, refined.legs, candidates, scans, frame, sensors=sensors)
+
+        def end_of(place: Floats, radius: float) -> UpperEnd:
+            return upper_end(snapshots, poses, frame, place, radius)
+
+        more, refused = accept_posts(
+            posts, refined.legs, candidates, scans, end_of, frame, sensors=sensors
+        )
         legs = refined.legs + more
         highest = surface.height.value - 0.06
 
         def looked(place: Floats, radius: float) -> Reach:
             return reach(snapshots, poses, place, radius, min(0.1, highest), highest)
 
+        warnings += _unsure(candidates)
         legs += infer_missing(legs, candidates, scans, looked, frame, config=config)
         warnings += silent_legs(legs, scans, frame)
     rejected = [
@@ -131,6 +139,23 @@ def find_legs(
         refined.beam_half_width,
         refined.range_bias,
     )
+
+
+def _unsure(candidates: list[LegCandidate]) -> list[ProcessWarning]:
+    """Say which things were left out though they may be legs."""
+    unsure = [candidate for candidate in candidates if candidate.is_unsure]
+    if not unsure:
+        return []
+    where = ", ".join(f"({c.place[0]:.2f}, {c.place[1]:.2f})" for c in unsure)
+    sizes = sorted({f"{100 * c.size:.0f}" for c in unsure}, key=float)
+    across = " to ".join(dict.fromkeys((sizes[0], sizes[-1])))
+    one = len(unsure) == 1
+    message = (
+        f"{counted(len(unsure), 'thing')} under the top, {across} cm across, at {where}, may be "
+        f"{'a leg' if one else 'legs'}: no view saw {'its' if one else 'their'} upper end. Other "
+        f"legs carry the top, so {'it was' if one else 'they were'} left out."
+    )
+    return [_warning("accuracy.unsure_legs", message)]
 
 
 def _usable_scans(
