@@ -75,7 +75,7 @@ WARNING_CODES: dict[str, str] = {
         "Calibrations of the depth camera disagree, and the floor does not tell which is right."
     ),
     "recording.depth_meaning": (
-        "Depth has another unit, direction or frame than its encoding says; it was converted."
+        "Depth has another unit, direction, frame or empty value than its encoding says; converted."
     ),
     "accuracy.depth_meaning": (
         "Depth may have another unit, direction or frame than its encoding says."

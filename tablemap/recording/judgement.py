@@ -1,4 +1,4 @@
-"""A few depth images against the floor: what depth means, and which calibration is right."""
+"""A few depth images, also against the floor: what depth means, and which calibration is right."""
 
 from __future__ import annotations
 
@@ -32,6 +32,7 @@ from tablemap.recording.messages import (
 from tablemap.recording.roles import Roles
 from tablemap.recording.tf.frame_roles import FrameNames, base_from, fixed_from_bases
 from tablemap.recording.tf.frames import TransformTree
+from tablemap.recording.unmeasured import filler_of, removed
 
 _SAME_LEVEL = 0.02  # metres between the base's origin and the fixed frame's z = 0
 
@@ -51,11 +52,15 @@ class Sample:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """What depth means, by which calibration, and what is to be said of both."""
+    """What depth means, by which calibration, and what is to be said of both.
+
+    ``filler``: metres as decoded, the number that stands for nothing measured, if there is one.
+    """
 
     meaning: DepthMeaning
     calibrations: Calibrations
     warnings: list[ProcessWarning]
+    filler: float | None = None
 
 
 def spread(stamps_ns: Ints) -> Ints:
@@ -96,10 +101,12 @@ def judged(
     assert isinstance(roles.depth.first, Image | CompressedImage)
     unit = 0.001 if depth_encoding(roles.depth.first) == "16UC1" else 1.0
     topic = roles.depth.name
+    filler, filled = _filler(samples, topic)
+    samples = [replace(each, depth=removed(each.depth, filler)) for each in samples]
     samples = _above_the_floor(samples, calibrations)
     views = _views(samples, calibrations)
     if not views:
-        return Judged(given_meaning(config, unit=unit), calibrations, [])
+        return Judged(given_meaning(config, unit=unit), calibrations, filled, filler)
     meaning, warnings = judge(
         views, config, unit=unit, topic=topic, is_height_known=is_height_known
     )
@@ -115,7 +122,20 @@ def judged(
         views = [meaning.of(view) for view in _views(samples, calibrations)]
         _, warning = contradiction(views)
         warnings += [warning] if warning is not None else []
-    return Judged(meaning, calibrations, warnings)
+    return Judged(meaning, calibrations, [*filled, *warnings], filler)
+
+
+def _filler(samples: Sequence[Sample], topic: str) -> tuple[float | None, list[ProcessWarning]]:
+    """Return the number that fills in what was not measured, and say it."""
+    found = filler_of([sample.depth for sample in samples])
+    if found is None:
+        return None, []
+    number, share = found
+    message = (
+        f"In all images on {topic} {100 * share:.1f} % of the pixels are {number:.3f} m to the "
+        "last digit; these were taken as not measured."
+    )
+    return number, [ProcessWarning("recording.depth_meaning", "recording", message)]
 
 
 def _views(samples: Sequence[Sample], calibrations: Calibrations) -> list[FloorView]:

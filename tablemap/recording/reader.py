@@ -84,7 +84,7 @@ class Recording(SensorStreams):
         self._place(topics, limits)
         self._laser = self._channels.of(self.roles.laser)
         self._settle_clocks(topics)
-        self._meaning = self._judge(topics, limits)
+        self._meaning, self._filler = self._judge(topics, limits)
         self._pose_stamps = pose_stamps(self.tree, self.names.fixed, self.names.carrier)
         self.start_ns, self.end_ns = self._span()
         self._unseen = self._learnt_unseen()
@@ -192,8 +192,13 @@ class Recording(SensorStreams):
             for scan in scans
         )
 
-    def _judge(self, config: TopicsConfig, limits: LimitsConfig) -> DepthMeaning:
-        """Judge by the floor what depth means, and which calibration is right; say what differs."""
+    def _judge(
+        self, config: TopicsConfig, limits: LimitsConfig
+    ) -> tuple[DepthMeaning, float | None]:
+        """Judge by a few images what depth means, what stands for nothing, and which calibration.
+
+        What differs from what is recorded is said.
+        """
         found = judged(
             self._samples(),
             self._calibrations,
@@ -209,7 +214,7 @@ class Recording(SensorStreams):
             for transform in implied_transforms(self.roles):
                 self._channels.collector.add(transform)
             self._place(config, limits)
-        return found.meaning
+        return found.meaning, found.filler
 
     def _samples(self) -> list[Sample]:
         """Return a few depth images that have poses, as they were decoded."""

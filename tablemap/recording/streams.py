@@ -30,6 +30,7 @@ from tablemap.recording.roles import Roles
 from tablemap.recording.sensor_clocks import tf_lags
 from tablemap.recording.silence import sweep_that_can_be
 from tablemap.recording.tf.frames import Stamps
+from tablemap.recording.unmeasured import removed
 from tablemap.recording.unseen import Unseen
 from tablemap.words import counted
 
@@ -67,6 +68,7 @@ class SensorStreams(RobotPoses):
     _laser: Stamped
     _calibrations: Calibrations
     _meaning: DepthMeaning
+    _filler: float | None
     _pose_stamps: Stamps
     _unseen: Unseen | None = None
     _recent: RecentScans | None = None
@@ -127,7 +129,7 @@ class SensorStreams(RobotPoses):
                 unplaced += 1
                 continue
             try:
-                depth = decode_depth(message)
+                depth = removed(decode_depth(message), self._filler)
             except DecodingError as error:
                 self._channels.say_undecoded(topic, error)
                 continue
