@@ -138,7 +138,9 @@ WARNING_CODES: dict[str, str] = {
     "accuracy.poor_fit": (
         "The edge points scatter far more about the chosen outline than their sigma says."
     ),
-    "accuracy.hidden_rim": "The rim of the top gives no depth: its edge lies farther out.",
+    "accuracy.hidden_rim": (
+        "The rim of the top, or its corners, give no depth: the edge lies farther out."
+    ),
     "accuracy.outline": (
         "Over centimetres the top's edge is off the chosen outline: its shape is not on the list."
     ),

@@ -17,6 +17,7 @@ from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.inner import inner_edges
 from tablemap.stages.surface.joint import strain_of
 from tablemap.stages.surface.result import FittedFigure, Primitive, SurfaceEdge
+from tablemap.stages.surface.shapes.rounded import Rounded
 from tablemap.stages.surface.shapes.shape import area, signed_distance
 from tablemap.stages.surface.shapes.sides import INFERRED, MEASURED, UNSEEN
 from tablemap.stages.surface.shapes.straight import Sided
@@ -30,6 +31,7 @@ def doubts(
     figures: dict[str, FittedFigure],
     away: Sequence[Departure],
     rims: Sequence[Departure],
+    corners: Sequence[Departure],
     evidence: Evidence,
     config: SurfaceConfig,
 ) -> list[ProcessWarning]:
@@ -83,6 +85,7 @@ def doubts(
         )
     found += _not_followed(chosen, away, evidence)
     found += _without_depth(rims)
+    found += _corners_without_depth(chosen, corners)
     cells = contradicting_cells(chosen.fit.shape.outline(), evidence, config)
     if cells * evidence.cell**2 > 0.02:
         found.append(
@@ -161,6 +164,24 @@ def _without_depth(rims: Sequence[Departure]) -> list[tuple[str, str]]:
             f"Along {length:.2f} m of the top's edge, the depth ends up to {1e3 * widest:.0f} mm "
             "before the background begins, as beside a rim of chrome or of a dark colour; the top "
             "may go on as far there.",
+        )
+    ]
+
+
+def _corners_without_depth(
+    chosen: Candidate, corners: Sequence[Departure]
+) -> list[tuple[str, str]]:
+    """Warn of corners that seem to be round, as their depth is missing."""
+    shape = chosen.fit.shape
+    if not corners or not isinstance(shape, Rounded):
+        return []
+    farthest = max(corner.farthest for corner in corners)
+    return [
+        (
+            "accuracy.hidden_rim",
+            f"At {len(corners)} of {counted(len(shape.corners()), 'corner')} the depth is missing, "
+            f"so that a radius of {shape.radius:.3f} m was fitted to the edges of holes; the top "
+            f"may have sharp corners, which lie {1e3 * farthest:.0f} mm farther out.",
         )
     ]
 

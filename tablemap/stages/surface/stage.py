@@ -25,7 +25,7 @@ from tablemap.stages.surface.joint import JointFit, corrected_poses
 from tablemap.stages.surface.motion import Mounting
 from tablemap.stages.surface.priors import top_widening
 from tablemap.stages.surface.result import FittedFigure, Primitive, Surface, SurfaceEdge
-from tablemap.stages.surface.rims import hidden_rims
+from tablemap.stages.surface.rims import hidden_corners, hidden_rims
 from tablemap.stages.surface.shapes.shape import Shape
 from tablemap.stages.surface.shapes.sides import UNSEEN
 from tablemap.stages.surface.status import own_statuses, sights
@@ -71,12 +71,16 @@ def fit_surface(
     ]
     away: list[Departure] = []
     rims: list[Departure] = []
+    corners: list[Departure] = []
     if not chosen.is_hull:
         away = departures(chosen.fit, evidence) or bowed_sides(chosen.fit, evidence)
         rims = hidden_rims(chosen.fit, outline, evidence, config)
+        corners = hidden_corners(chosen.fit, outline, evidence)
     figures = _budgeted(chosen, standing, scores, away, rims, evidence, config)
     radius = figures.pop(CORNER_RADIUS, None)
-    edges = _edges(chosen, [*away, *rims], evidence, config)
+    edges = _edges(chosen, [*away, *rims, *corners], evidence, config)
+    if radius is not None and corners:  # every second edge is a corner's arc
+        radius = _perhaps_sharp(radius, 2 * len(corners) / len(edges))
     height, distant = height_of(outline, chosen)
     relative = _pose_covariance(chosen)
     if rims:  # one of two opposite sides shifts the middle by half
@@ -104,7 +108,7 @@ def fit_surface(
         warnings=(
             *warnings,
             *distant,
-            *doubts(chosen, primitives, edges, figures, away, rims, evidence, config),
+            *doubts(chosen, primitives, edges, figures, away, rims, corners, evidence, config),
         ),
         beside=outline.beside,
         states=tuple(c.fit.state for c in candidates if not c.is_hull),
@@ -240,6 +244,15 @@ def _budgeted(
         sigma = float(np.sqrt(sum(parts.values())))
         result[name] = replace(figure, sigma=sigma, budget=parts)
     return result
+
+
+def _perhaps_sharp(radius: FittedFigure, share: float) -> FittedFigure:
+    """Widen the radius of corners by the ``share`` of them without depth, which may be sharp."""
+    if radius.sigma is None:
+        return radius
+    parts = dict(radius.budget or {})
+    parts["shape"] = parts.get("shape", 0.0) + (share * radius.value) ** 2
+    return replace(radius, sigma=float(np.hypot(radius.sigma, share * radius.value)), budget=parts)
 
 
 def _mean_square(away: Sequence[Departure]) -> float:
