@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,10 +21,11 @@ def place_in_map(relative: Floats, localised: Floats) -> tuple[Pose2, Floats]:
     """Fit ``relative`` (n, 3) to the ``localised`` poses (n, 3) as one rigid body, robustly.
 
     Returns the motion to apply on the left, and the covariance (3, 3) of the body's x, y (of the
-    mean place) and yaw. The covariance comes from the spread of the localised poses about the fit.
-    A wandering localisation errs alike at neighbouring stops: the correlation of the spread from
-    stop to stop reduces the number of poses that count. Views that a turning head took from one
-    place count once. An error that all poses share, as of a shifted map, is not in the covariance.
+    mean place) and yaw. The covariance comes from the spread of the localised poses about the fit,
+    and from how it is correlated from stop to stop: a wandering localisation errs alike at
+    neighbouring stops. Few stops show little of both, and what is usual fills in (`_wander`). Views
+    that a turning head took from one place count once. An error that all poses share, as of a
+    shifted map, is not in the covariance.
     """
     places = _once_a_place(relative)
     relative, localised = relative[places], localised[places]
@@ -37,35 +39,85 @@ def place_in_map(relative: Floats, localised: Floats) -> tuple[Pose2, Floats]:
         turned = Pose2(0.0, 0.0, float(turn)).apply(relative[:, :2])
         x, y = np.median(localised[:, :2] - turned, axis=0)
         fit = Pose2.from_array([x, y, turn])
+    found = _fitted(fit, relative, localised, _KERNEL)
+    # A localisation that errs by more than usual has not jumped at most of its poses.
+    usual = float(np.median(np.sum(found.residual**2, axis=1))) / _MEDIAN_OF_THREE
+    if 4 * np.sqrt(usual) > _KERNEL:
+        found = _fitted(found.fit, relative, localised, 4 * float(np.sqrt(usual)))
+    share = found.weight.mean()
+    far = np.linalg.norm(found.residual, axis=1) / found.kernel
+    scatter = found.residual / np.maximum(far, 1.0)[:, None]  # a pose that jumped counts as one
+    covariance = np.linalg.inv(found.information) * share * n * _wander(scatter)
+    return found.fit, np.asarray(covariance, dtype=np.float64)
+
+
+_MEDIAN_OF_THREE = 2.37  # the median of chi squared with three degrees of freedom
+
+
+@dataclass(frozen=True, eq=False)
+class _Fitted:
+    """A robust fit: ``residual`` (n, 3), all in metres, ``weight`` (n,), ``information`` (3, 3)."""
+
+    fit: Pose2
+    residual: Floats
+    weight: Floats
+    information: Floats
+    kernel: float
+
+
+def _fitted(fit: Pose2, relative: Floats, localised: Floats, kernel: float) -> _Fitted:
+    n = len(relative)
     information = np.eye(3)
-    residual = np.zeros((n, 3))
-    weight = np.ones(n)
+    residual, weight = np.zeros((n, 3)), np.ones(n)
     for _ in range(20):
         placed = fit.apply(relative[:, :2])
-        centre_xy = placed.mean(axis=0)
+        centre = placed.mean(axis=0)
         residual[:, :2] = localised[:, :2] - placed
-        residual[:, 2] = wrap_angles(localised[:, 2] - relative[:, 2] - fit.yaw)
-        squared = np.square(residual / [_KERNEL, _KERNEL, _KERNEL_YAW]).sum(axis=1)
-        weight = np.square(1.0 / (1.0 + squared))
+        residual[:, 2] = _ARM * wrap_angles(localised[:, 2] - relative[:, 2] - fit.yaw)
+        weight = np.square(1.0 / (1.0 + np.sum(residual**2, axis=1) / kernel**2))
         rows = np.zeros((n, 3, 3))
         rows[:, 0, 0] = rows[:, 1, 1] = 1.0
-        rows[:, 0, 2], rows[:, 1, 2] = -(placed - centre_xy).T[1], (placed - centre_xy).T[0]
-        rows[:, 2, 2] = 1.0
-        scaled = rows * np.array([1.0, 1.0, _ARM])[:, None]
-        information = np.einsum("n,nij,nik->jk", weight, scaled, scaled)
-        right = np.einsum("n,nij,ni->j", weight, scaled, residual * [1.0, 1.0, _ARM])
-        step = np.linalg.solve(information, right)
-        about = Pose2(*centre_xy) @ Pose2(*step) @ Pose2(*centre_xy).inverse()
-        fit = about @ fit
+        rows[:, 0, 2], rows[:, 1, 2] = -(placed - centre).T[1], (placed - centre).T[0]
+        rows[:, 2, 2] = _ARM
+        information = np.einsum("n,nij,nik->jk", weight, rows, rows)
+        step = np.linalg.solve(information, np.einsum("n,nij,ni->j", weight, rows, residual))
+        fit = Pose2(*centre) @ Pose2(*step) @ Pose2(*centre).inverse() @ fit
         if np.abs(step).max() < 1e-7:
             break
-    scaled_residual = residual * [1.0, 1.0, _ARM]
-    spread = float((weight[:, None] * scaled_residual**2).sum() / max(3 * weight.sum(), 1e-9))
-    if n < 3:
-        # Too few poses show no spread: assume the usual error of one localised pose.
-        spread = max(spread, (_KERNEL / 2) ** 2)
-    covariance = np.linalg.inv(information) * spread * n / _independent(scaled_residual, weight)
-    return fit, np.asarray(covariance, dtype=np.float64)
+    return _Fitted(fit, residual, weight, np.asarray(information), kernel)
+
+
+def _wander(scatter: Floats) -> float:
+    """Return the variance of the mean of localised poses that scatter by (n, 3) metres about it.
+
+    The errors are an autoregressive process of first order. Its correlation is unknown: the
+    variance is the mean over all of them, each as likely as the scatter makes it (restricted
+    likelihood; Harville, "Maximum likelihood approaches to variance component estimation", JASA
+    1977). A weak prior of the usual size stands in for what few poses do not show.
+    """
+    n = len(scatter)
+    if n < 2:
+        return _USUAL**2
+    freedom = 3 * (n - 1) + _PRIOR_FREEDOM
+    apart = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    logs, variances = [], []
+    for correlation in _CORRELATIONS:
+        shape = correlation**apart
+        inverse = np.linalg.inv(shape)
+        total = inverse.sum(axis=0)
+        free = inverse - np.outer(total, total) / total.sum()
+        squares = float(np.sum(scatter * (free @ scatter)))
+        squares += _PRIOR_FREEDOM * _USUAL**2
+        likelihood = np.linalg.slogdet(shape)[1] + np.log(total.sum())
+        logs.append(-1.5 * likelihood - freedom / 2 * np.log(squares))
+        variances.append(squares / (freedom - 2) * shape.mean())
+    weights = np.exp(np.array(logs) - max(logs))
+    return float(weights @ variances / weights.sum())
+
+
+_CORRELATIONS = (0.0, 0.3, 0.6, 0.8, 0.9, 0.95)
+_PRIOR_FREEDOM = 2.0  # as of a pose more
+_USUAL = _KERNEL / 2  # metres: the error of one localised pose
 
 
 def stretched(relative: Floats, localised: Floats, *, sigma: float) -> tuple[Floats, float]:
