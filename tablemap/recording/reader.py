@@ -40,6 +40,7 @@ from tablemap.recording.streams import SensorStreams
 from tablemap.recording.tf.frame_roles import FrameNames, pose_stamps
 from tablemap.recording.topics import list_topics
 from tablemap.recording.unseen import Unseen, learnt, places_apart
+from tablemap.recording.upright import quarter_turns
 from tablemap.recording.window import windowed
 from tablemap.words import counted
 
@@ -85,6 +86,8 @@ class Recording(SensorStreams):
         self._laser = self._channels.of(self.roles.laser)
         self._settle_clocks(topics)
         self._meaning, self._filler = self._judge(topics, limits)
+        mounts, known = self.base_from_cameras(spread(self._depth.stamps_ns))
+        self._turns = quarter_turns(mounts[known])
         self._pose_stamps = pose_stamps(self.tree, self.names.fixed, self.names.carrier)
         self.start_ns, self.end_ns = self._span()
         self._unseen = self._learnt_unseen()

@@ -32,6 +32,13 @@ from tablemap.recording.silence import sweep_that_can_be
 from tablemap.recording.tf.frames import Stamps
 from tablemap.recording.unmeasured import removed
 from tablemap.recording.unseen import Unseen
+from tablemap.recording.upright import (
+    depth_message,
+    turned_colour,
+    turned_image,
+    turned_mounting,
+    turned_pinhole,
+)
 from tablemap.words import counted
 
 
@@ -42,7 +49,8 @@ class DepthFrame:
     - ``depth``: (height, width) float32 metres along the optical axis, NaN where nothing was
       measured, undistorted to the pinhole
     - ``k``: (3, 3), the pinhole
-    - ``message``: the recorded message, to be passed on without decoding
+    - ``message``: the recorded message, to be passed on without decoding; of a camera that is not
+      mounted upright, the upright image
     - ``base_from_camera``: (4, 4), the optical frame's pose in the base at the stamp
     """
 
@@ -51,6 +59,18 @@ class DepthFrame:
     k: Floats
     message: Image | CompressedImage
     base_from_camera: Floats
+
+    def turned(self, turns: int) -> DepthFrame:
+        """Return the frame with its image turned by quarters, counter-clockwise."""
+        height, width = self.depth.shape
+        depth = turned_image(self.depth, turns)
+        return DepthFrame(
+            self.stamp_ns,
+            depth,
+            turned_pinhole(self.k, width, height, turns),
+            depth_message(self.message, depth),
+            turned_mounting(self.base_from_camera, turns),
+        )
 
 
 class SensorStreams(RobotPoses):
@@ -69,6 +89,7 @@ class SensorStreams(RobotPoses):
     _calibrations: Calibrations
     _meaning: DepthMeaning
     _filler: float | None
+    _turns: int
     _pose_stamps: Stamps
     _unseen: Unseen | None = None
     _recent: RecentScans | None = None
@@ -138,13 +159,14 @@ class SensorStreams(RobotPoses):
             except RecordingError as error:
                 unfit.append(str(error))
                 continue
-            yield DepthFrame(
+            frame = DepthFrame(
                 message.stamp_ns,
                 self._meaning.metres(rectified.apply(depth), rectified.k),
                 rectified.k,
                 message,
                 placed[0][place],
             )
+            yield frame if self._turns == 0 else frame.turned(self._turns)
         if unfit:
             self._say_once(
                 "recording.calibration",
@@ -173,7 +195,7 @@ class SensorStreams(RobotPoses):
         close = np.abs(have[nearest] - wanted) <= tolerance_ns
         due = only(self._colour, have[nearest[close]])
         images = {
-            message.stamp_ns: message
+            message.stamp_ns: turned_colour(message, self._turns) if self._turns else message
             for message in self._channels.in_order(self.roles.colour, due)
             if isinstance(message, Image | CompressedImage)
         }

@@ -9,13 +9,13 @@ import PIL.Image
 import rerun as rr
 from numpy.typing import NDArray
 
+from tablemap.recording.colour import colour_pixels
 from tablemap.recording.messages import CompressedImage, Image
 
 PNG = b"\x89PNG\r\n\x1a\n"
 JPEG = b"\xff\xd8\xff"
 COMPRESSED_DEPTH_HEADER = 12
 MILLIMETRES = 1000.0
-COLOUR_CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1, "8UC1": 1, "8UC3": 3}
 
 
 def depth_archetype(
@@ -84,18 +84,9 @@ def colour_archetype(message: Image | CompressedImage) -> rr.EncodedImage | None
 
 def as_jpeg(message: Image) -> bytes | None:
     """Return a raw colour image as a JPEG, or None if the viewer cannot show its encoding."""
-    channels = COLOUR_CHANNELS.get(message.encoding)
-    if channels is None or len(message.data) < message.height * message.step:
+    pixels = colour_pixels(message)
+    if pixels is None:
         return None
-    rows = np.frombuffer(message.data, dtype=np.uint8, count=message.height * message.step)
-    used = message.width * channels
-    if message.step < used:
-        return None
-    pixels = rows.reshape(message.height, message.step)[:, :used]
-    pixels = pixels.reshape(message.height, message.width, channels)
-    if message.encoding.startswith("bgr") or message.encoding == "8UC3":
-        pixels = pixels[..., [2, 1, 0]]
-    pixels = pixels[..., 0] if channels == 1 else pixels[..., :3]
     buffer = io.BytesIO()
     PIL.Image.fromarray(np.ascontiguousarray(pixels)).save(buffer, format="JPEG", quality=85)
     return buffer.getvalue()
