@@ -122,7 +122,7 @@ def fit_shapes(
             rows = _linearised(kind, x, columns[leg], evidence[leg], beam, groups, iteration >= 2)
             own = np.concatenate([columns[leg], nuisances])
             _add(normal, gradient, rows, own, poses, groups)
-        step = np.asarray(scipy.linalg.solve(normal, gradient, assume_a="pos"))
+        step = np.asarray(scipy.linalg.cho_solve(scipy.linalg.cho_factor(normal), gradient))
         if has_yaw(kind):
             step[columns[:, -1]] = np.clip(step[columns[:, -1]], -0.2, 0.2)
         x = x + step
@@ -246,21 +246,26 @@ def _add(
 ) -> None:
     """Add one leg's rows to the normal equations."""
     weight = 1.0 / (rows.sigma**2 * (1.0 + (rows.residual / (_CAUCHY * rows.sigma)) ** 2))
+    weighted = rows.slope.T * weight
+    normal[np.ix_(own, own)] += weighted @ rows.slope
+    gradient[own] -= weighted @ rows.residual
     if not groups:
-        weighted = rows.slope.T * weight
-        normal[np.ix_(own, own)] += weighted @ rows.slope
-        gradient[own] -= weighted @ rows.residual
         return
-    # Dense rows, with the poses of all groups: one large product is faster than many small ones.
-    width = len(own)
-    full = np.zeros((len(weight), width + 3 * groups))
-    full[:, :width] = rows.slope
-    at = width + 3 * rows.group[:, None] + np.arange(3)
-    full[np.arange(len(weight))[:, None], at] = rows.pose
-    weighted = full.T * weight
-    columns = np.concatenate([own, poses + np.arange(3 * groups)])
-    normal[np.ix_(columns, columns)] += weighted @ full
-    gradient[columns] -= weighted @ rows.residual
+    # A row knows one pose: what the rows of a group say of it is summed, (groups, p + 6, 3).
+    known = np.column_stack([rows.slope, rows.pose, rows.residual])
+    products = (known * weight[:, None])[:, :, None] * rows.pose[:, None, :]
+    size = products[0].size
+    at = size * rows.group[:, None] + np.arange(size)
+    sums = np.bincount(at.ravel(), products.ravel(), size * groups)
+    by_slope, by_pose, by_residual = np.split(
+        sums.reshape(groups, -1, 3), [len(own), len(own) + 3], axis=1
+    )
+    columns = poses + np.arange(3 * groups).reshape(groups, 3)
+    cross = by_slope.transpose(1, 0, 2).reshape(len(own), -1)
+    normal[np.ix_(own, columns.ravel())] += cross
+    normal[np.ix_(columns.ravel(), own)] += cross.T
+    normal[columns[:, :, None], columns[:, None, :]] += by_pose
+    gradient[columns] -= by_residual[:, 0]
 
 
 def fit_alone(
