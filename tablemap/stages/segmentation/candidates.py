@@ -10,9 +10,9 @@ import shapely
 from tablemap.config import SegmentationConfig
 from tablemap.errors import EstimationError
 from tablemap.geometry import Floats
-from tablemap.stages.segmentation.groups import Group, grouped, hull
+from tablemap.stages.segmentation.groups import Group, grouped
 from tablemap.stages.segmentation.result import TableCandidate
-from tablemap.stages.segmentation.surfaces import CELL_M, find_patches, surroundings
+from tablemap.stages.segmentation.surfaces import CELL_M, find_patches, hull, surroundings
 from tablemap.stages.segmentation.views import SampledView, look
 from tablemap.stages.snapshots import Snapshot
 from tablemap.words import counted

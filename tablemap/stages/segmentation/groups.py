@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import shapely
 
-from tablemap.geometry import Floats
-from tablemap.stages.segmentation.surfaces import CELL_M, MERGE_HEIGHT, Patch, convex
+from tablemap.stages.segmentation.surfaces import MERGE_HEIGHT, Patch
 
 # Limits for patches of different views to be one surface, if heights agree (`MERGE_HEIGHT`).
 _MERGE_OVERLAP = 0.15  # least share of the smaller patch that the other covers
@@ -35,12 +34,7 @@ class Group:
         self.patches.append(patch)
         areas = [p.area for p in self.patches]
         self.height = float(np.average([p.height for p in self.patches], weights=areas))
-        self.shape = shapely.unary_union([self.shape, hull(patch.cells)]).convex_hull
-
-
-def hull(points: Floats) -> shapely.Geometry:
-    """Return the convex hull of cells' centres (n, 2), half a cell wider on all sides."""
-    return convex(points).buffer(CELL_M / 2)
+        self.shape = shapely.unary_union([self.shape, patch.shape]).convex_hull
 
 
 def grouped(patches: list[Patch]) -> list[Group]:
@@ -53,12 +47,11 @@ def grouped(patches: list[Patch]) -> list[Group]:
     """
     groups: list[Group] = []
     for patch in sorted(patches, key=lambda p: -p.area):
-        shape = hull(patch.cells)
         best, best_overlap = None, _MERGE_OVERLAP
         for group in groups:
             if abs(group.height - patch.height) > MERGE_HEIGHT:
                 continue
-            overlap = _overlap(group.shape, shape)
+            overlap = _overlap(group.shape, patch.shape)
             if overlap > best_overlap and not _apart(group.patches, [patch]):
                 best, best_overlap = group, overlap
         if best is None:
@@ -94,6 +87,8 @@ def _levels(group: Group) -> list[Group]:
     for height in heights[np.argsort(-density, kind="stable")].tolist():
         if all(abs(height - mode) >= _LEVEL_STEP for mode in modes):
             modes.append(height)
+    if len(modes) == 1:
+        return [group]
     nearest = np.abs(heights[:, None] - np.array(modes)).argmin(axis=1)
     levels: list[Group] = []
     for level_at in np.argsort(modes, kind="stable").tolist():

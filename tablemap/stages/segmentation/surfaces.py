@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 import shapely
@@ -59,6 +59,16 @@ class Patch:
     walled_share: float
     number: int
     parted: frozenset[int] = frozenset()
+
+    @cached_property
+    def shape(self) -> shapely.Geometry:
+        """The convex hull of the cells in the map, half a cell wider than their centres."""
+        return hull(self.cells)
+
+
+def hull(points: Floats) -> shapely.Geometry:
+    """Return the convex hull of cells' centres (n, 2), half a cell wider on all sides."""
+    return convex(points).buffer(CELL_M / 2)
 
 
 def find_patches(view: SampledView, config: SegmentationConfig) -> list[Patch]:
