@@ -10,7 +10,7 @@ from tablemap.geometry import Floats
 from tablemap.stages.crosscheck.rows import Rows, bias_row, stacked
 from tablemap.stages.outline import EdgeKind, ViewEdges
 from tablemap.stages.registration import Registration
-from tablemap.stages.surface import Surface
+from tablemap.stages.surface import Surface, camera_motion
 
 _FACING = 0.8  # cosine between a point's normal and its side's
 _BEYOND = 0.02  # metres past a side's end
@@ -48,6 +48,13 @@ def edge_rows(views: list[ViewEdges], surface: Surface, registration: Registrati
         normal, distance, basis = _against(places, normals, surface)
         near = view.is_near[kept].astype(np.float64)
         same = np.ones(len(kept))
+        motion = camera_motion(
+            view.points[kept] - view.camera_xy,
+            view.drop * same,
+            np.tile(view.axis, (len(kept), 1)),
+            0.0 * same,
+        )
+        tilts = [np.einsum("ij,ij->i", normal, by @ turn.T) for by in (motion.roll, motion.pitch)]
         parts.append(
             Rows(
                 arm=arm,
@@ -57,6 +64,7 @@ def edge_rows(views: list[ViewEdges], surface: Surface, registration: Registrati
                 variance=view.sigma[kept] ** 2 * max(worth, 1.0),
                 # A wrong laser scale stretches the lap; the outline's own unknowns follow.
                 stretch=np.tile(pose.translation - middle, (len(kept), 1)),
+                tilt=np.column_stack(tilts),
                 bias=bias_row("near edges", -near) + bias_row("far edges", near - 1.0),
                 basis=-basis,
                 yaw=same * pose.yaw,

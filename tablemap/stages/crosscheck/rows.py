@@ -21,6 +21,7 @@ class Rows:
       camera
     - ``variance``: (n,) square metres, of the distance
     - ``stretch``: (n, 2) metres, shift of the seen against the expected place by a laser scale of 1
+    - ``tilt``: (n, 2) derivatives by the camera's roll and pitch, metres a radian
     - ``bias``: (n, 5) derivatives by the errors that rows share, see `BIASES`
     - ``basis``: (n, k) derivatives by the unknowns of the outline or the legs
     - ``yaw``: (n,) radians, the base's heading
@@ -34,6 +35,7 @@ class Rows:
     distance: Floats
     variance: Floats
     stretch: Floats
+    tilt: Floats
     bias: Floats
     basis: Floats
     yaw: Floats

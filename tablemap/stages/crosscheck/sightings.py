@@ -80,6 +80,7 @@ def _rows(
         distance=seen.distance,
         variance=seen.variance,
         stretch=np.tile(pose.translation - place, (count, 1)),
+        tilt=np.zeros((count, 2)),
         bias=seen.bias,
         basis=-normal * position_sigma,
         yaw=np.full(count, pose.yaw),

@@ -47,13 +47,15 @@ def prior_sigmas(sensors: SensorsConfig) -> Floats:
 def solve(
     rows: Rows,
     pose_covariance: Floats,
+    tilt_sigmas: Floats,
     far_bias_sigma: float,
     sensors: SensorsConfig,
 ) -> MountingSolution:
     """Solve offset, scales, shared biases, outline, legs and poses by robust least squares.
 
-    ``pose_covariance`` (3n, 3n) is the registration's; ``far_bias_sigma`` (metres) is the prior of
-    the bias that far edges share.
+    ``pose_covariance`` (3n, 3n) is the registration's; ``tilt_sigmas`` (2,) in radians are those of
+    the camera's roll and pitch, which look like a turn and a shift; ``far_bias_sigma`` (metres) is
+    the prior of the bias that far edges share.
     """
     present = np.unique(rows.view).astype(np.int64)
     design = _design(rows, present)
@@ -64,6 +66,7 @@ def solve(
         [
             prior_sigmas(sensors),
             [sensors.calibrated_depth_scale_sigma_crosscheck],
+            tilt_sigmas,
             [sensors.edge_bias_sigma, far_bias_sigma],
             [sensors.silhouette_width_sigma_px, sensors.silhouette_middle_sigma_px],
             [sensors.edge_bias_sigma],
@@ -94,8 +97,8 @@ def solve(
         if settled:
             break
     covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
-    # The depth's scale stands between what is asked for and the shared biases.
-    width = ASKED + 1 + BIASES.index("width of silhouettes")
+    # The depth's scale and two tilts stand between what is asked for and the shared biases.
+    width = ASKED + 3 + BIASES.index("width of silhouettes")
     widening = float(state[width]), float(np.sqrt(covariance[width, width]))
     return MountingSolution(state[:ASKED], covariance[:ASKED, :ASKED], widening)
 
@@ -118,6 +121,7 @@ def _design(rows: Rows, present: np.ndarray) -> Floats:
         turned(rows.ray),
         along(rows.stretch),
         along(rows.ray),
+        rows.tilt,
     ]
     slot = np.searchsorted(present, rows.view)
     own = np.zeros((len(rows), 3 * len(present)))

@@ -26,7 +26,7 @@ from tablemap.stages.snapshots import Snapshot, turned_left
 from tablemap.stages.surface import Mounting, Surface
 
 _LEAST_SIGHTINGS = 4  # fewest sightings of legs, over all views
-_LARGEST_SIGMA = 0.004  # metres at the table: a less certain estimate does not count
+_LARGEST_SIGMA = 0.004  # metres at the table: what is less certain, and not clear, does not count
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def cross_check(
         edges = None
     sighted, sightings = leg_rows(snapshots, registration, legs, surface.height.value)
     if sighted is not None and sightings < _LEAST_SIGHTINGS:
-        sighted = None
+        sighted, sightings = None, 0
     parts = [rows for rows in (edges, sighted) if rows is not None]
     if not parts:
         return _nothing(0, len(views), sightings)
@@ -75,8 +75,12 @@ def cross_check(
     set_back = sensors.rim_set_back if outline.is_dull else 0.0
     far = float(np.hypot(sensors.edge_bias_sigma, set_back))
 
+    tilts = np.full(2, np.deg2rad(sensors.camera_tilt_sigma_deg))
+    if outline.camera is not None:
+        tilts = np.sqrt(np.diag(outline.camera.covariance)[2:])
+
     def solved(rows: Rows) -> MountingSolution:
-        return solve(rows, registration.covariance, far, sensors)
+        return solve(rows, registration.covariance, tilts, far, sensors)
 
     arms = _arms(rows)
     solution = solved(rows)
@@ -95,16 +99,16 @@ def cross_check(
     sigma = sigma * _disagreement(by_edges, by_legs)
     points = 0 if edges is None else len(edges)
     count = len(np.unique(rows.view))
-    if sigma.max() > _LARGEST_SIGMA:
+    clear = np.abs(at_table) > np.maximum(config.sigmas * sigma, 0.5 * config.threshold)
+    known = clear | (sigma <= _LARGEST_SIGMA)
+    if not known.any():
         return replace(_nothing(points, count, sightings, mounting), warnings=beside)
-    size = float(np.hypot(*at_table))
-    found = size > config.threshold and bool(
-        (np.abs(at_table) > np.maximum(config.sigmas * sigma, 0.5 * config.threshold)).any()
-    )
+    size = float(np.hypot(*np.where(known, at_table, 0.0)))
+    found = size > config.threshold and bool(clear.any())
     scale, scale_sigma = -float(solution.asked[3]), float(np.sqrt(solution.covariance[3, 3]))
     told = scale_sigma < 0.5 * sensors.laser_range_scale_sigma_wide
     return CrossCheck(
-        offset=solution.asked[:3],
+        offset=solution.asked[:3] * known[[0, 1, 1]],
         covariance=solution.covariance[:3, :3],
         at_table=at_table,
         at_table_sigma=sigma,

@@ -9,10 +9,11 @@ import pytest
 
 from tablemap.config import CrossCheckConfig, LegsConfig, SensorsConfig, SurfaceConfig
 from tablemap.geometry import Floats, Pose2
+from tablemap.stages.calibration import TopBelief
 from tablemap.stages.crosscheck import CrossCheck, admitted_legs, corrected, cross_check
 from tablemap.stages.legs import Leg, Legs, find_legs
 from tablemap.stages.outline import Outline
-from tablemap.stages.surface import FittedFigure, fit_surface
+from tablemap.stages.surface import FittedFigure, camera_motion, fit_surface
 from tests.making.edges import Bench, Table, box_table, ellipse_table, observe
 from tests.making.leg_scenes import Scene, drive, four
 
@@ -28,9 +29,22 @@ def checked(
     """Observe a table with the camera ``offset`` from where it is believed, and cross-check."""
     outline, registration = observe(table, bench, np.random.default_rng(seed))
     registration = replace(registration, source=source, systematic=0.008)
-    outline = _displaced(outline, offset)
+    outline = _calibrated(_displaced(outline, offset))
     surface = fit_surface(outline, registration, config=SurfaceConfig(), sensors=SENSORS, seed=0)
     return cross_check(outline, surface, registration, config=CrossCheckConfig(), sensors=SENSORS)
+
+
+def _calibrated(outline: Outline, tilt_deg: float = 0.03) -> Outline:
+    """Return the outline of a camera whose roll and pitch the floor has shown."""
+    camera = TopBelief(
+        np.diag([0.001, 0.0005, np.radians(tilt_deg), np.radians(tilt_deg)]) ** 2,
+        view_tilt=0.0003,
+        view_lift=0.0003,
+        lean=(0.0, 0.0),
+        view_shift=0.0,
+        is_held=False,
+    )
+    return replace(outline, camera=camera, height_sigma=0.001)
 
 
 def _displaced(outline: Outline, offset: Pose2) -> Outline:
@@ -81,6 +95,31 @@ def test_a_camera_in_its_place_raises_no_alarm(seed: int) -> None:
     assert result.at_table is not None and result.at_table_sigma is not None
     assert (np.abs(result.at_table) < 4 * result.at_table_sigma).all()
     assert result.warnings == () and result.pose_sigma == 0.0
+
+
+@pytest.mark.parametrize("tilt", ["roll", "pitch"])
+def test_a_tilted_camera_is_not_called_shifted_or_turned(tilt: str) -> None:
+    """A third of a degree moves the edges by millimetres, to either side otherwise."""
+    table = box_table(1.2, 0.8, Pose2(0.3, -0.2, 0.4))
+    outline, registration = observe(table, LAP, np.random.default_rng(3))
+    views = []
+    for view in outline.views:
+        count = len(view.points)
+        motion = camera_motion(
+            view.points - view.camera_xy,
+            np.full(count, view.drop),
+            np.tile(view.axis, (count, 1)),
+            np.zeros(count),
+        )
+        moved = np.radians(0.3) * getattr(motion, tilt)
+        views.append(replace(view, points=view.points + moved))
+    outline = _calibrated(replace(outline, views=tuple(views)), tilt_deg=0.3)
+    surface = fit_surface(outline, registration, config=SurfaceConfig(), sensors=SENSORS, seed=0)
+    result = cross_check(outline, surface, registration, config=CrossCheckConfig(), sensors=SENSORS)
+    assert result.warnings == ()
+    if result.offset is not None:
+        assert result.covariance is not None
+        assert (np.abs(result.offset) < 3 * np.sqrt(np.diag(result.covariance))).all()
 
 
 def test_nothing_is_said_without_laser_poses_or_views() -> None:
