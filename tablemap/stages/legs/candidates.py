@@ -34,6 +34,7 @@ _PANEL = 2.0  # times its width: a shorter thing is a block, not a panel
 _BULKY = 0.1  # metres: the laser tells whether wider things are solid
 _INSIDE, _INSIDE_SHARE = 0.05, 0.25  # metres, share of a beam's way through: ends in there
 _SLIVER = 0.1  # of the silhouettes of the thing beside it
+_WIDE = 0.2  # metres: beside legs that carry the top, a wider thing is hardly one of them
 _HOLLOW = 0.2  # of the beams that end inside a thing: it is not one solid thing
 
 # The evidence for and against a leg, in one unit. A candidate that the depth camera saw reach the
@@ -286,9 +287,8 @@ def _doubted(
     chairs' legs. A shin or a post of almost the top's height cannot be told from a leg then.
     """
     legs = [i for i, candidate in enumerate(judged) if candidate.reason is None]
-    carry = [i for i in legs if i in complete] or [
-        i for i in legs if frame.is_central(judged[i].place)
-    ]
+    central = [i for i in legs if frame.is_central(judged[i].place)]
+    carry = [i for i in legs if i in complete] or central
     if not carry:
         return judged
     sizes = np.array([judged[i].size for i in carry])
@@ -300,15 +300,16 @@ def _doubted(
         alike = bool(complete) and bool(are_alike(np.array([candidate.size]), usual)[0])
         # Beyond the top, things of its height need not touch it.
         meets = candidate.end.is_at_top and not frame.is_beyond(candidate.place)
-        if i in carry or meets or (alike and i not in chairs):
+        if i in carry or i in central or meets or (alike and i not in chairs):
             continue
         unseen = candidate.end.hidden
         upper = f"its upper {100 * unseen:.0f} cm" if np.isfinite(unseen) else "its upper end"
         reason = (
-            f"{100 * candidate.size:.0f} cm across, and no view saw {upper}: it may be a leg, but "
+            f"{100 * candidate.size:.0f} cm across, and no view saw {upper}; "
             f"{counted(len(carry), 'leg')} of {100 * usual:.0f} cm {_carry(len(carry))} the top"
         )
-        result[i] = replace(candidate, reason=reason, is_unsure=True)
+        is_unsure = candidate.cluster.slender and candidate.size <= _WIDE
+        result[i] = replace(candidate, reason=reason, is_unsure=is_unsure)
     return result
 
 

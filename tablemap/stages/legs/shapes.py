@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -99,7 +100,11 @@ def refine(
     usual = max(range(len(groups)), key=lambda k: len(groups[k]))
     order = sorted(range(len(groups)), key=lambda k: k != usual)
     members = [candidate for k in order for candidate in groups[k]]
-    for candidate, leg in zip(members, seen_in_part([fitted[k] for k in order]), strict=True):
+    central = {
+        leg for group in fitted for leg in group if frame.is_central(np.array([leg.x, leg.y]))
+    }
+    whole = seen_in_part([fitted[k] for k in order], central)
+    for candidate, leg in zip(members, whole, strict=True):
         sigma = leg.position_sigma
         if sigma is not None and sigma <= LARGEST_SIGMA:
             legs.append(leg)
@@ -111,12 +116,12 @@ def refine(
     return Refined(legs, unsure, beam, bias)
 
 
-def seen_in_part(groups: list[list[Leg]]) -> list[Leg]:
+def seen_in_part(groups: list[list[Leg]], central: AbstractSet[Leg] = frozenset()) -> list[Leg]:
     """Widen the places of legs that differ in size from at least two that are alike.
 
     Legs of a table are made alike: one that differs was probably seen in part, as beside a wall.
-    Then its middle may be off by half of what was not seen. A panel is not made like the legs. The
-    legs come out in their order.
+    Then its middle may be off by half of what was not seen. A panel is not made like the legs, nor
+    is a column, one of the ``central`` legs. The legs come out in their order.
     """
     usual = max(groups, key=len)
     if len(usual) < 2:
@@ -126,7 +131,8 @@ def seen_in_part(groups: list[list[Leg]]) -> list[Leg]:
         for leg in group:
             hidden = max(abs(end(_sizes(leg)) - end(_sizes(usual[0]))) for end in (min, max))
             own = leg.position_sigma
-            if group is not usual and own is not None and not _is_panel(leg, usual[0]):
+            other = leg in central or _is_panel(leg, usual[0])
+            if group is not usual and own is not None and not other:
                 leg = replace(leg, position_sigma=float(np.hypot(own, hidden / 2)))
             legs.append(leg)
     return legs

@@ -111,6 +111,18 @@ def test_a_seated_person_lends_the_table_no_leg(table: object) -> None:
     assert "accuracy.unsure_legs" in _codes(legs)
 
 
+@pytest.mark.parametrize("width", [0.1, 0.14])
+def test_a_column_between_four_legs_is_one_of_them(width: float) -> None:
+    """In the middle no view sees it meet the top, and it is not made like the legs: it is one."""
+    scene, truth = _table()
+    scene.circles = [(TABLE.x, TABLE.y, width / 2)]
+    legs = legs_of(scene, with_depth=True)
+    assert len(legs.legs) == 5
+    assert errors_of(legs, np.vstack([truth, [TABLE.x, TABLE.y]])).max() < 0.004
+    assert all(leg.position_sigma and leg.position_sigma < 0.004 for leg in legs.legs)
+    assert "accuracy.unsure_legs" not in _codes(legs)
+
+
 def test_legs_that_splay_are_followed_up_to_the_top() -> None:
     """Feet 16 cm outside of the upper ends: the views see through above them, and follow them."""
     scene, truth = _table()
