@@ -15,12 +15,20 @@ _PALETTE = (
 )  # fmt: skip
 
 _STOOL = 0.36  # metres: the side of its seat
+PUSHED_IN, DRAWN_OUT, SAT_ON = (-0.3, -0.2), (0.03, 0.15), (-0.02, 0.06)
+"""Least and largest gap between a chair's seat and the table, metres."""
+_KNEE, _THIGH = 0.42, 0.13  # metres: from the seat's middle to the shin, and thickness
+_APART = 0.25  # metres between a thing under the top, its rim, its legs and other things
+_SPARE = 0.14  # metres: things under the top are lower than it by more
 
 
 def chair_places(
-    top: Top, count: int, *, pushed_in: bool, rng: np.random.Generator
+    top: Top, count: int, *, between: tuple[float, float], rng: np.random.Generator
 ) -> list[tuple[Pose2, shapely.Polygon]]:
-    """Return the chairs' poses in the table's frame, x away from it, and their footprints."""
+    """Return the chairs' poses in the table's frame, x away from it, and their footprints.
+
+    ``between`` are the least and the largest gap between seat and table, metres.
+    """
     ring = shapely.LinearRing(top.outline)
     start = float(rng.uniform(0, ring.length))
     hull = top.polygon.convex_hull
@@ -29,7 +37,7 @@ def chair_places(
         for shift in (0.0, 0.13, -0.13, 0.26, -0.26):
             along = (start + (i + shift) * ring.length / count) % ring.length
             place, outwards = rim(ring, along)
-            gap = rng.uniform(-0.3, -0.2) if pushed_in else rng.uniform(0.03, 0.15)
+            gap = rng.uniform(*between)
             yaw = float(np.arctan2(outwards[1], outwards[0]) + rng.normal(0, 0.08))
             pose = at((place + outwards * (0.21 + gap)), yaw)
             outline = footprint(0.44, 0.44, pose)
@@ -75,6 +83,46 @@ def chair_parts(rng: np.random.Generator) -> list[MeshPart]:
     ]
     solids = [box(0.42, 0.42, seat - 0.03, seat), back, *legs, *posts]
     return [MeshPart(solid, colour) for solid in solids]
+
+
+def sitter_parts(rng: np.random.Generator) -> list[MeshPart]:
+    """Return somebody who sits on a chair round the origin, with shins at negative x."""
+    colour = drawn_colour(rng)
+    knee = float(rng.uniform(0.5, 0.54))
+    solids = [cylinder(0.34, 0.45, 1.1), cylinder(0.2, 1.1, 1.35)]
+    for side in (-0.11, 0.11):
+        solids.append(cylinder(0.11, 0.05, knee).placed(Pose2(-_KNEE, side, 0.0)))
+        solids.append(box(0.26, 0.09, 0.0, 0.07).placed(Pose2(-_KNEE - 0.06, side, 0.0)))
+        thigh = box(_KNEE, _THIGH, knee - 0.05, knee - 0.05 + _THIGH)
+        solids.append(thigh.placed(Pose2(-0.5 * _KNEE, side, 0.0)))
+    return [MeshPart(solid, colour) for solid in solids]
+
+
+def shins(chair: Pose2) -> Floats:
+    """Return the place (2,) between the shins of who sits on a chair."""
+    return chair.apply(np.array([-_KNEE, 0.0]))
+
+
+def things_below(
+    top: Top, taken: list[Floats], count: int, rng: np.random.Generator
+) -> list[MeshPart]:
+    """Draw bins and boxes that stand on the floor under the top, away from ``taken`` places."""
+    parts: list[MeshPart] = []
+    free = top.polygon.buffer(-_APART / 2)
+    for i in range(count):
+        size, tall = float(rng.uniform(0.08, 0.14)), float(rng.uniform(0.3, 0.58))
+        tall = min(tall, top.height - _SPARE)
+        yaw = float(rng.uniform(-np.pi, np.pi))
+        for _ in range(30):
+            place = rng.uniform(top.outline.min(axis=0), top.outline.max(axis=0))
+            near = any(np.linalg.norm(place - other) < _APART for other in taken)
+            if near or not free.contains(shapely.Point(place)):
+                continue
+            taken = [*taken, place]
+            solid = box(size, 0.8 * size, 0.0, tall) if i % 2 else cylinder(size, 0.0, tall)
+            parts.append(MeshPart(solid.placed(at(place, yaw)), drawn_colour(rng)))
+            break
+    return parts
 
 
 def couch_parts(length: float, rng: np.random.Generator) -> list[MeshPart]:

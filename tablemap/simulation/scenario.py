@@ -103,6 +103,8 @@ class Surroundings(ScenarioSection):
     couches: int = Field(default=0, ge=0)
     chairs: int = Field(default=0, ge=0)
     chairs_pushed_in: bool = False
+    seated: int = Field(default=0, ge=0, description="people who sit at the table")
+    below: int = Field(default=0, ge=0, description="bins and boxes that stand under the top")
     neighbours: int = Field(default=0, ge=0, description="tables beside the one that is modelled")
     stools: int = Field(default=0, ge=0, description="as high as the top, pushed against it")
     against_wall: bool = False

@@ -10,13 +10,19 @@ import shapely
 from tablemap.geometry import Floats, Pose2
 from tablemap.simulation.clutter import draw_clutter
 from tablemap.simulation.furniture import (
+    DRAWN_OUT,
+    PUSHED_IN,
+    SAT_ON,
     cabinet,
     chair_parts,
     chair_places,
     couch_parts,
     plain_table,
+    shins,
+    sitter_parts,
     stool_parts,
     stool_places,
+    things_below,
 )
 from tablemap.simulation.meshes import MeshPart, at, box, cylinder, prism
 from tablemap.simulation.relief import Relief, Waves, draw_relief, draw_waves, wavy_floor
@@ -26,6 +32,7 @@ from tablemap.simulation.shapes import Top, draw_top, place_top
 from tablemap.simulation.table import SimulatedLeg, draw_legs, table_parts
 
 _WALL_HEIGHT = 2.4
+_LEG_ROOM = 0.25  # metres between the middle of who sits there and a leg
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,11 +101,18 @@ def draw_world(scenario: Scenario, generator: Generators, *, nominal: bool) -> W
         local = relief.shaped(local, top)
     waves = draw_waves(scenario.ground, generator)
     obstacles = [top.polygon]
-    for chair, footprint in chair_places(
-        top, around.chairs, pushed_in=around.chairs_pushed_in, rng=rng
-    ):
+    between = PUSHED_IN if around.chairs_pushed_in else DRAWN_OUT
+    for chair, footprint in chair_places(top, around.chairs, between=between, rng=rng):
         local += _moved(chair_parts(rng), chair)
         obstacles.append(footprint)
+    feet = [leg.pose.translation for leg in legs]
+    sitting = generator("seated")
+    for chair, footprint in chair_places(top, around.seated, between=SAT_ON, rng=sitting):
+        if all(np.linalg.norm(shins(chair) - foot) > _LEG_ROOM for foot in feet):
+            local += _moved([*chair_parts(sitting), *sitter_parts(sitting)], chair)
+            obstacles.append(footprint)
+            feet.append(shins(chair))
+    local += things_below(top, feet, around.below, generator("below"))
     for stool, footprint in stool_places(top, around.stools, rng):
         local += _moved(stool_parts(top.height + float(rng.uniform(-0.004, 0.004)), rng), stool)
         obstacles.append(footprint)
