@@ -109,6 +109,12 @@ class Calibration:
         return self.field.at(0.0, 0.0, REFERENCE_M)
 
     @property
+    def lifts(self) -> dict[int, float]:
+        """Metres that each snapshot's camera is higher than all, by the snapshot's index."""
+        lifts = self.adjustment.own[:, 2].tolist()
+        return {each.index: lift for each, lift in zip(self.recorded, lifts, strict=True)}
+
+    @property
     def covariance(self) -> Floats:
         """The (3, 3) covariance of roll, pitch and depth scale."""
         rows = np.zeros((3, COUNT))

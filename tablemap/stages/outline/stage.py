@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -67,13 +67,19 @@ def find_edges(
     height, height_sigma, scatter = joint_height(
         own, segmentation.height, segmentation.height_sigma
     )
-    if len(own) > 2 and scatter > _UNLIKE:
-        warnings.append(_at_other_heights(own, scatter))
-        height_sigma = float(np.hypot(height_sigma, scatter))
-
     camera = None
     if calibration is not None:
         camera = calibration.top_belief(height, sensors.surface_depth_sigma)
+    # The calibration takes a part of what a top was raised for a lift of the camera.
+    unlifted = own
+    if calibration is not None and camera is not None and not camera.is_held:
+        lifts = calibration.lifts
+        unlifted = {i: replace(plane, height=plane.height - lifts[i]) for i, plane in own.items()}
+    *_, apart = joint_height(unlifted, segmentation.height, segmentation.height_sigma)
+    if len(own) > 2 and apart > _UNLIKE:
+        warnings.append(_at_other_heights(unlifted, apart))
+        height_sigma = float(np.hypot(height_sigma, apart))
+
     lift = 0.0 if camera is None else camera.view_lift
     if camera is not None:
         height_sigma = float(np.sqrt(height_sigma**2 + camera.covariance[0, 0]))

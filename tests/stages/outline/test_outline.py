@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import minimum_filter
 
-from tablemap.config import OutlineConfig, SensorsConfig
+from tablemap.config import CalibrationConfig, OutlineConfig, SensorsConfig
 from tablemap.errors import EstimationError
 from tablemap.geometry import Bools
+from tablemap.stages.calibration import calibrate
 from tablemap.stages.outline import EdgeKind, Outline, ViewEdges, find_edges
 from tablemap.stages.outline.thickness import RIM_SIGMA_M, FaceEnds, joint_rim
 from tablemap.stages.segmentation import Label, Segmentation
@@ -333,6 +334,32 @@ def test_a_top_that_was_raised_between_views_is_doubted(rise: float, is_doubted:
     assert ("accuracy.height_scatter" in codes) == is_doubted
     assert abs(outline.height - TOP.high) < max(2 * outline.height_sigma, 0.001)
     assert abs(outline.height - high.high) < max(2 * outline.height_sigma, 0.001)
+
+
+@pytest.mark.parametrize("lift", [0.0, 0.0015])
+def test_what_the_calibration_took_for_lifts_of_the_camera_counts(lift: float) -> None:
+    """Raised by 6 mm, of which 3 mm went into the cameras' own heights: doubted all the same."""
+    rng = np.random.default_rng(0)
+    rise = 0.006 - 2 * lift
+    high = replace(TOP, low=TOP.low + rise, high=TOP.high + rise)
+    shots = [
+        photograph(Scene(high if index > 1 else TOP), HIGH_CAMERA, rng, index=index)
+        for index in range(4)
+    ]
+    snapshots = tuple(snapshot for snapshot, _ in shots)
+    plain = calibrate(snapshots, config=CalibrationConfig(), sensors=SENSORS)
+    own = np.zeros((4, 3))
+    own[:, 2] = [lift, lift, -lift, -lift]
+    calibration = replace(plain, adjustment=replace(plain.adjustment, own=own))
+    outline = find_edges(
+        snapshots,
+        segmentation_of([view for _, view in shots], TOP.high + rise / 2),
+        config=CONFIG,
+        sensors=SENSORS,
+        calibration=calibration,
+    )
+    assert "accuracy.height_scatter" in {warning.code for warning in outline.warnings}
+    assert outline.height_sigma > 0.003
 
 
 def test_votes_lie_on_their_own_side() -> None:
