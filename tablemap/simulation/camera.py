@@ -12,6 +12,7 @@ from tablemap.geometry import Bools, Floats, Pose2
 from tablemap.simulation import stereo, structured_light, time_of_flight
 from tablemap.simulation.bending import Bend, draw_bend
 from tablemap.simulation.drive import CAMERA_AHEAD
+from tablemap.simulation.image_noise import with_bad_pixels
 from tablemap.simulation.lens import Lens
 from tablemap.simulation.scenario import CameraSection
 from tablemap.simulation.scene import Scene
@@ -123,6 +124,7 @@ class DepthCamera(Lens):
             depth *= self.errors.bend.multiplier(depth)
         if any(self.errors.corners):
             depth -= self._nearer_corners
+        depth, missing = with_bad_pixels(self, depth, missing, rng)
         scale = self.errors.depth_scale + self.errors.warming * (progress - 0.5)
         if self.settings.encoding == "32FC1":
             metres = np.where(missing, np.nan, depth * scale)

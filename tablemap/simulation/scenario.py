@@ -145,6 +145,7 @@ class CameraSection(ScenarioSection):
     - ``noise``: factor on all errors that vary from pixel to pixel
     - ``flying``, ``multipath``, ``lit_deg``: errors of time of flight; 0 switches each off
     - ``fattening_px``, ``holes``: errors of stereo; 0 switches each off
+    - ``salt``, ``specks``, ``smoothing_px``: errors of any principle; 0 switches each off
     """
 
     principle: Literal["structured_light", "time_of_flight", "stereo"] = "structured_light"
@@ -189,6 +190,13 @@ class CameraSection(ScenarioSection):
     lit_deg: float = Field(default=0.0, ge=0, lt=90, description="half of the lit cone; 0: all")
     fattening_px: float = Field(default=1.0, ge=0, le=2)
     holes: float = Field(default=1.0, ge=0, le=1, description="where there is no texture")
+    salt: float = Field(default=0.0, ge=0, le=1, description="share of single pixels that are lost")
+    specks: float = Field(
+        default=0.0, ge=0, le=1, description="share of single pixels with any depth, .3 to 6 m"
+    )
+    smoothing_px: int = Field(
+        default=0, ge=0, description="side of the window over which the driver averages depth"
+    )
     intrinsics: tuple[float, float, float, float] | None = Field(
         default=None, description="fx, fy, cx, cy in pixels; None: the HSR's"
     )
@@ -297,6 +305,9 @@ ERRORS = {
         "lit_deg",
         "fattening_px",
         "holes",
+        "salt",
+        "specks",
+        "smoothing_px",
     ),
     "head": ("pan_sigma_deg", "tilt_sigma_deg"),
     "ground": ("lean_sigma_deg", "wave"),

@@ -265,3 +265,28 @@ def test_real_sensors_are_of_every_kind_and_all_of_them_err() -> None:
     assert len(set(suite("real_sensors")) & set(suite("hard"))) >= 4
     assert set(suite("real_sensors")) <= set(suite("all"))
     assert len(suite("all")) == len(set(suite("all")))
+
+
+@pytest.mark.parametrize("principle", ["structured_light", "time_of_flight", "stereo"])
+def test_single_pixels_are_lost_or_wrong_by_the_shares_asked_for(principle: str) -> None:
+    """Lost ones are no neighbours of each other more often than by chance."""
+    view, (depth,) = taken(simulate(scenario(principle=principle, salt=0.2, specks=0.05), seed=1))
+    seen = np.isfinite(view.depth)
+    lost = np.isnan(depth)[seen]
+    assert lost.mean() == pytest.approx(0.2, abs=0.01)
+    assert (lost[1:] & lost[:-1]).mean() == pytest.approx(0.04, abs=0.01)
+    wrong = np.abs(depth - view.depth)[seen & np.isfinite(depth)] > 1e-3
+    assert wrong.mean() == pytest.approx(0.05, abs=0.01)
+
+
+def test_a_driver_that_smooths_makes_ramps_of_the_steps() -> None:
+    """Three pixels' mean: next to a step lie thirds of it, elsewhere nothing changes."""
+    simulated = simulate(scenario(smoothing_px=3), seed=1)
+    view, (depth,) = taken(simulated)
+    true, seen = view.depth.reshape(240, 320), depth.reshape(240, 320)
+    step = true[1:-1, 2:] - true[1:-1, 1:-1]
+    between = seen[1:-1, 1:-1] - true[1:-1, 1:-1]
+    jump = np.abs(step) > 0.3
+    beside = jump & np.isfinite(between)
+    assert np.median(between[beside] / step[beside]) == pytest.approx(1 / 3, abs=0.1)
+    assert np.nanmedian(np.abs(between)) < 1e-3

@@ -14,6 +14,7 @@ from tablemap.recording import DepthFrame, Recording
 from tablemap.stages.snapshots.camera_kind import looked_at, seen_camera
 from tablemap.stages.snapshots.combining import combine
 from tablemap.stages.snapshots.directions import by_direction, planar_pose, same_mount, views_at
+from tablemap.stages.snapshots.mending import mended
 from tablemap.stages.snapshots.own_body import without_own_body
 from tablemap.stages.snapshots.result import (
     Camera,
@@ -229,7 +230,7 @@ def _decode(
                 start_ns=viewpoint.start_ns,
                 end_ns=viewpoint.end_ns,
                 images=len(same),
-                depth=combine([f.depth for f in same]),
+                depth=mended(combine([f.depth for f in same])),
                 camera=cameras.setdefault(camera, camera),
                 base_from_camera=invert(pose.lifted()) @ fixed_from_base @ middle.base_from_camera,
                 map_from_base=pose,

@@ -1,0 +1,172 @@
+"""Single bad pixels of a depth image: outliers are taken out, and missing ones filled."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tablemap.geometry import Bools, Floats, Ints
+from tablemap.stages.snapshots.noise import DepthNoise, depth_noise
+
+_Pixel = TypeVar("_Pixel", bound=np.generic)
+
+_REACH_PX = 2
+_HALF = [(0, 1), (1, -1), (1, 0), (1, 1), (0, 2), (1, -2), (1, 2)] + [
+    (2, step) for step in range(-2, 3)
+]
+_STEPS = np.array(_HALF + [(-down, -right) for down, right in _HALF])  # (24, 2): row, column
+_PAIRS = len(_HALF)
+_TOUCHING = np.abs(_STEPS).max(axis=1) == 1
+
+_LEAST_SHARE = 0.002  # of the image's pixels; fewer do no harm
+_LEAST_PAIRS = 6  # of twelve; the corner of a larger hole has four, its straight border two
+_LEAST_TOUCHING = 3  # of eight; the middle of a hole of three by three has none
+_PASSES = 3  # a pixel with few measured neighbours is filled once these are
+_MOST_SHARE = 0.02  # of the depth: what differs by less from its neighbours is noise
+_SIGMAS = 4.0
+_LEAST_AGREE = 0.8  # share of the neighbours that lie on one plane
+_BLOCK = 20_000  # pixels at once
+
+
+def mended(depth: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return a depth image (height, width), metres, NaN missing, without single bad pixels.
+
+    A pixel is an outlier if nearly all of its neighbours lie on one plane and it does not: it
+    counts as missing. A missing pixel is filled if its neighbours surround it and lie on one plane.
+    So a hole of three or more pixels across stays as it is, and so does every pixel at a depth
+    step. An image with hardly any bad pixel stays as it was recorded. The inverse depth of a plane
+    is linear in the image, and is what is compared.
+    """
+    noise = depth_noise(depth)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = (1 / depth).astype(np.float32)
+    padded = np.pad(inverse, _REACH_PX, constant_values=np.nan)
+    outliers = _outliers(padded, depth, noise)
+    padded[outliers[0] + _REACH_PX, outliers[1] + _REACH_PX] = np.nan
+    for done in range(_PASSES):
+        rows, columns, values = _fillings(padded, noise)
+        if done == 0 and len(rows) < _LEAST_SHARE * depth.size:
+            return depth
+        padded[rows + _REACH_PX, columns + _REACH_PX] = values
+    mended_inverse = padded[_REACH_PX:-_REACH_PX, _REACH_PX:-_REACH_PX]
+    result = depth.copy()
+    changed = np.isfinite(mended_inverse) != np.isfinite(depth)
+    changed[outliers] = True
+    result[changed] = 1 / mended_inverse[changed]
+    return result
+
+
+def _outliers(
+    padded: NDArray[np.float32], depth: NDArray[np.float32], noise: DepthNoise
+) -> tuple[Ints, Ints]:
+    """Return the rows and columns of measured pixels that differ from all round them."""
+    middle = padded[_REACH_PX:-_REACH_PX, _REACH_PX:-_REACH_PX]
+    suspect = np.isfinite(middle)
+    least = np.float32(_MOST_SHARE) * middle
+    with np.errstate(invalid="ignore"):
+        for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
+            # A pixel between both neighbours of a pair is none; a missing one tells nothing.
+            one = _shifted(padded, down, right) - middle
+            other = _shifted(padded, -down, -right) - middle
+            suspect &= ~(np.abs(one + other) < 2 * least)
+    rows, columns = np.nonzero(suspect)
+    found = np.zeros(len(rows), dtype=bool)
+    for block in _blocks(len(rows)):
+        at, own = (rows[block], columns[block]), middle[rows[block], columns[block]]
+        plane, agree = _planes(_around(padded, *at), noise)
+        off = np.abs(own - plane) > np.maximum(_MOST_SHARE * plane, 2 * _allowance(plane, noise))
+        found[block] = agree & off
+    return rows[found], columns[found]
+
+
+def _fillings(
+    padded: NDArray[np.float32], noise: DepthNoise
+) -> tuple[Ints, Ints, NDArray[np.float32]]:
+    """Return the rows, columns and inverse depths of missing pixels that are surrounded."""
+    known = np.isfinite(padded)
+    middle = known[_REACH_PX:-_REACH_PX, _REACH_PX:-_REACH_PX]
+    pairs, touching = np.zeros((2, *middle.shape), dtype=np.uint8)
+    for down, right in _HALF:
+        one, other = _shifted(known, down, right), _shifted(known, -down, -right)
+        pairs += one & other
+        if max(abs(down), abs(right)) == 1:
+            touching += one
+            touching += other
+    surrounded = (pairs >= _LEAST_PAIRS) & (touching >= _LEAST_TOUCHING)
+    rows, columns = np.nonzero(~middle & surrounded)
+    values = np.full(len(rows), np.nan, dtype=np.float32)
+    for block in _blocks(len(rows)):
+        plane, agree = _planes(_around(padded, rows[block], columns[block]), noise)
+        values[block] = np.where(agree, plane, np.nan)
+    good = np.isfinite(values)
+    return rows[good], columns[good], values[good]
+
+
+def _planes(around: Floats, noise: DepthNoise) -> tuple[Floats, Bools]:
+    """Fit a plane to inverse depths (n, 24) round each pixel.
+
+    Returns the plane's inverse depth at the pixels (n,), and whether the neighbours agree on it.
+    """
+    known = np.isfinite(around)
+    values = np.where(known, around, 0.0)
+    pair = known[:, :_PAIRS] & known[:, _PAIRS:]
+    # Each pair's mean is the plane's value; the median of the means bears outliers.
+    means = np.where(pair, (values[:, :_PAIRS] + values[:, _PAIRS:]) / 2, np.nan)
+    means[~pair.any(axis=1)] = 1.0
+    middle = np.nanmedian(means, axis=1)
+    allowance = _allowance(middle, noise)
+    used = known.copy()
+    for _ in range(3):
+        level, slope = _fitted(values, used)
+        off = np.where(known, np.abs(values - level[:, None] - slope @ _STEPS.T), 0.0)
+        worst = np.max(np.where(used, off, 0.0), axis=1)
+        used = known & (off <= np.maximum(allowance, worst / 2)[:, None])
+    level, slope = _fitted(values, used)
+    off = np.where(known, np.abs(values - level[:, None] - slope @ _STEPS.T), 0.0)
+    close = known & (off <= allowance[:, None])
+    agree = close.sum(axis=1) >= _LEAST_AGREE * known.sum(axis=1)
+    agree &= (close[:, :_PAIRS] & close[:, _PAIRS:]).sum(axis=1) >= _LEAST_PAIRS
+    # A step beside the pixel puts three of its eight neighbours off.
+    touching = (known & ~close)[:, _TOUCHING].sum(axis=1)
+    agree &= (touching <= 1) & (np.abs(level - middle) <= allowance)
+    return level, agree
+
+
+def _fitted(values: Floats, used: Bools) -> tuple[Floats, Floats]:
+    """Return level (n,) and slope (n, 2) of the least-squares planes through the used values."""
+    design = np.column_stack([np.ones(len(_STEPS)), _STEPS])
+    products = (design[:, :, None] * design[:, None, :]).reshape(len(_STEPS), 9)
+    normal = (used @ products).reshape(-1, 3, 3) + 1e-9 * np.eye(3)
+    right = np.where(used, values, 0.0) @ design
+    solved = np.linalg.solve(normal, right[..., None])[..., 0]
+    return solved[:, 0], solved[:, 1:]
+
+
+def _allowance(inverse: Floats, noise: DepthNoise) -> Floats:
+    """Return by how much inverse depths may differ from their neighbours' plane."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth = (1 / np.maximum(inverse, 1e-3)).astype(np.float32)
+    sigma = noise.sigma(depth).astype(np.float64) * inverse**2
+    allowed: Floats = np.minimum(_SIGMAS * sigma, _MOST_SHARE * inverse)
+    return allowed
+
+
+def _around(padded: NDArray[np.float32], rows: Ints, columns: Ints) -> Floats:
+    """Return the values (n, 24) of the neighbours in the order of `_STEPS`."""
+    at = _STEPS + _REACH_PX
+    values = padded[rows[:, None] + at[:, 0], columns[:, None] + at[:, 1]]
+    return np.asarray(values, dtype=np.float64)
+
+
+def _shifted(padded: NDArray[_Pixel], down: int, right: int) -> NDArray[_Pixel]:
+    """Return the image whose pixels are the neighbours ``down`` rows and ``right`` columns on."""
+    rows, columns = padded.shape
+    first, left = _REACH_PX + down, _REACH_PX + right
+    return padded[first : first + rows - 2 * _REACH_PX, left : left + columns - 2 * _REACH_PX]
+
+
+def _blocks(count: int) -> Iterator[slice]:
+    return (slice(first, first + _BLOCK) for first in range(0, count, _BLOCK))

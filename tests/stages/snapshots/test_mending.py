@@ -1,0 +1,96 @@
+"""Single bad pixels of a depth image are mended; depth steps and larger holes stay."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tablemap.stages.snapshots.mending import mended
+
+Depth = NDArray[np.float32]
+EDGE = 160  # column of the depth step
+NOISE_M = 0.002
+
+
+def scene(*, seed: int = 0) -> tuple[Depth, Depth]:
+    """Return a noisy image of a sloping top, 0.3 m before a sloping floor, and the truth."""
+    rows, columns = np.mgrid[0:240, 0:320]
+    top = 1 / (0.9 + 0.002 * (rows - 120) + 0.0005 * (columns - 160))
+    true = np.where(columns < EDGE, top, top + 0.3).astype(np.float32)
+    noise = NOISE_M * np.random.default_rng(seed).normal(size=true.shape)
+    return (true + noise).astype(np.float32), true
+
+
+@pytest.mark.parametrize("share", [0.05, 0.2, 0.3])
+def test_lost_single_pixels_are_filled_from_the_surface(share: float) -> None:
+    """Nearly all come back, as exact as measured ones, and nothing else changes."""
+    depth, true = scene()
+    lost = np.random.default_rng(1).random(depth.shape) < share
+    result = mended(np.where(lost, np.float32(np.nan), depth))
+    assert np.isfinite(result[lost]).mean() > 0.9
+    assert np.nanmax(np.abs(result - true)[lost]) < 4 * NOISE_M
+    assert np.array_equal(result[~lost], depth[~lost])
+
+
+def test_no_pixel_is_filled_from_beyond_a_depth_step() -> None:
+    """Where half of the pixels beside a step are lost, none takes a depth between both sides."""
+    depth, true = scene()
+    rng = np.random.default_rng(2)
+    lost = (rng.random(depth.shape) < 0.5) & (np.abs(np.arange(320) - EDGE) < 3)
+    result = mended(np.where(lost, np.float32(np.nan), depth))
+    assert np.nanmax(np.abs(result - true)) < 5 * NOISE_M
+
+
+def with_salt(depth: Depth) -> Depth:
+    """Lose every seventh pixel of the image's lower part: enough that the image is mended."""
+    salted = depth.copy()
+    salted[210::3, ::7] = np.nan
+    return salted
+
+
+def test_a_line_of_lost_pixels_along_a_step_stays_lost() -> None:
+    """The sensor's shadow at an edge is no hole in a surface, however narrow."""
+    depth, _ = scene()
+    depth[:, EDGE] = np.nan
+    result = mended(with_salt(depth))
+    assert np.isnan(result[:, EDGE]).all()
+    assert np.isfinite(result[210::3, 7:140:7]).all()
+
+
+@pytest.mark.parametrize("across", [3, 4, 7, 20])
+def test_larger_holes_keep_their_size(across: int) -> None:
+    """A hole is what was not measured, and tells where depth is missing."""
+    depth, _ = scene()
+    depth[100 : 100 + across, 60 : 60 + across] = np.nan
+    result = mended(with_salt(depth))
+    assert np.array_equal(result[:200], depth[:200], equal_nan=True)
+
+
+def test_wrong_single_pixels_take_the_depth_of_their_neighbours() -> None:
+    """One in a hundred with any depth: hardly any is left, and no good pixel is lost for them."""
+    depth, true = scene()
+    rng = np.random.default_rng(3)
+    wrong = rng.random(depth.shape) < 0.01
+    result = mended(np.where(wrong, rng.uniform(0.3, 6.0, depth.shape), depth).astype(np.float32))
+    assert np.mean(~(np.abs(result - true)[wrong] < 0.05)) < 0.05
+    assert np.array_equal(result[~wrong], depth[~wrong])
+
+
+def test_thin_things_are_no_outliers() -> None:
+    """A bar of one pixel's width before a floor stays, but for its two ends."""
+    depth, _ = scene()
+    depth[40:200, 60] -= 0.2
+    result = mended(with_salt(depth))
+    assert np.array_equal(result[41:199, 60], depth[41:199, 60])
+
+
+def test_an_image_with_hardly_any_bad_pixel_stays_as_it_is() -> None:
+    """To the last bit, noise and steps included."""
+    depth, _ = scene()
+    depth[50:200:10, 50] = np.nan
+    depth[50:200:10, 80] = 3.0
+    assert np.array_equal(mended(depth), depth, equal_nan=True)
+    depth, _ = scene()
+    coarse = (np.round(depth / 0.02) * 0.02).astype(np.float32)
+    assert np.array_equal(mended(coarse), coarse)
