@@ -302,13 +302,16 @@ def _doubted(
         meets = candidate.end.is_at_top and not frame.is_beyond(candidate.place)
         if i in carry or i in central or meets or (alike and i not in chairs):
             continue
+        # Against such a layout, one view through the gap above it is enough.
+        ends = candidate.end.shown > 0 and not candidate.end.opposed
         unseen = candidate.end.hidden
         upper = f"its upper {100 * unseen:.0f} cm" if np.isfinite(unseen) else "its upper end"
         reason = (
-            f"{100 * candidate.size:.0f} cm across, and no view saw {upper}; "
+            f"{100 * candidate.size:.0f} cm across, and "
+            f"{candidate.end if ends else f'no view saw {upper}'}; "
             f"{counted(len(carry), 'leg')} of {100 * usual:.0f} cm {_carry(len(carry))} the top"
         )
-        is_unsure = candidate.cluster.slender and candidate.size <= _WIDE
+        is_unsure = not ends and candidate.cluster.slender and candidate.size <= _WIDE
         result[i] = replace(candidate, reason=reason, is_unsure=is_unsure)
     return result
 

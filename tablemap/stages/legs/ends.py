@@ -12,6 +12,7 @@ from shapely.geometry import LineString, Polygon
 from tablemap.geometry import Bools, Floats, Pose2, invert, transform
 from tablemap.stages.legs.layout import Frame
 from tablemap.stages.snapshots import Snapshot
+from tablemap.words import counted
 
 _LOWEST = 0.08  # metres: lower down, the floor is as near as the thing
 _STEP = 0.008  # metres between looks: a gap of 3 cm holds four of them
@@ -67,7 +68,7 @@ class UpperEnd:
         """Return what was seen of its end, as a clause."""
         return (
             f"it ends {100 * (self.height or 0.0):.0f} cm above the floor, and "
-            f"{self.shown} views saw through the gap of {100 * self.gap:.0f} cm above it"
+            f"{counted(self.shown, 'view')} saw through the gap of {100 * self.gap:.0f} cm above it"
         )
 
 

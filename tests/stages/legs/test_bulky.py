@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from shapely.geometry import Polygon
@@ -11,6 +13,7 @@ from tablemap.model.shapes import CIRCLE
 from tablemap.stages.legs.candidates import LegCandidate, judge
 from tablemap.stages.legs.clusters import Cluster, Persistence
 from tablemap.stages.legs.depth import Reach
+from tablemap.stages.legs.ends import UpperEnd
 from tablemap.stages.legs.evidence import LegEvidence
 from tablemap.stages.legs.fit import Fit
 from tablemap.stages.legs.layout import Frame
@@ -108,10 +111,12 @@ def test_two_things_that_touch_are_no_leg() -> None:
     assert any("its place is known to" in one.reason for one in legs.rejected)
 
 
-def _candidate(x: float, tangents: int, diameter: float, spread: float) -> LegCandidate:
-    """Return a round thing on the table's axis, ``x`` metres from its middle."""
+def _candidate(
+    x: float, tangents: int, diameter: float, spread: float, y: float = 0.0
+) -> LegCandidate:
+    """Return a round thing ``x`` and ``y`` metres from the table's middle, along its axes."""
     none = np.zeros(0)
-    place = MIDDLE.apply(np.array([x, 0.0]))
+    place = MIDDLE.apply(np.array([x, y]))
     rows = np.zeros((tangents, 2))
     fit = Fit(
         kind=CIRCLE,
@@ -148,3 +153,31 @@ def test_noise_beside_a_leg_is_a_fragment_of_it(tangents: int, kept: bool) -> No
     )
     assert leg.reason is None
     assert (beside.reason != "a fragment of the leg beside it") == kept
+
+
+@pytest.mark.parametrize(
+    ("end", "diameter", "unsure", "said"),
+    [
+        (UpperEnd(hidden=0.12), 0.11, True, "no view saw its upper 12 cm"),
+        (UpperEnd(height=0.6, gap=0.04, shown=1, hidden=0.12), 0.11, False, "1 view saw through"),
+        (UpperEnd(height=0.6, gap=0.04, shown=1, opposed=1, hidden=0.12), 0.11, True, "no view"),
+        (UpperEnd(hidden=0.12), 0.05, False, None),
+        (UpperEnd(hidden=0.02), 0.11, False, None),
+    ],
+    ids=["hidden", "one view", "contradicted", "alike", "at the top"],
+)
+def test_beside_four_legs_a_thing_unlike_them_must_be_seen_to_meet_the_top(
+    end: UpperEnd, diameter: float, unsure: bool, said: str | None
+) -> None:
+    """One view of the gap above it decides; without one it is a doubt, unless it is alike."""
+    scene = Scene(table=MIDDLE, length=1.6, width=0.9)
+    surface = surface_of(scene, {})
+    corners = [
+        _candidate(0.72 * u, 200, 0.05, 0.05, 0.37 * v)
+        for u, v in ((1, 1), (-1, 1), (-1, -1), (1, -1))
+    ]
+    thing = replace(_candidate(0.4, 200, diameter, diameter, 0.2), end=end)
+    *legs, judged = judge([*corners, thing], Frame(surface, Polygon(surface.outline)))
+    assert all(leg.reason is None for leg in legs)
+    assert judged.is_unsure is unsure
+    assert judged.reason is None if said is None else said in (judged.reason or "")
