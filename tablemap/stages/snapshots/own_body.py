@@ -55,7 +55,8 @@ def own_body(snapshots: Sequence[Snapshot]) -> Bools | None:
         return None
     chosen = np.unique(np.linspace(0, len(snapshots) - 1, _MOST_VIEWS).round().astype(int))
     views = [snapshots[i] for i in chosen]
-    steady = _steady(snapshots) & _above_floor(views)
+    steady = _steady(snapshots)
+    steady[steady] = _above_floor(views, steady)
     parts, count = ndimage.label(steady, structure=np.ones((3, 3)))
     sizes = np.bincount(parts.ravel(), minlength=count + 1)
     large = np.flatnonzero(sizes >= max(1.0, _LEAST_SHARE * steady.size))
@@ -80,7 +81,7 @@ def _steady(snapshots: Sequence[Snapshot]) -> Bools:
     count = np.zeros(snapshots[0].depth.shape)
     total, squares = count.copy(), count.copy()
     for one in snapshots:
-        depth = np.nan_to_num(one.depth.astype(np.float64))
+        depth = np.fmax(one.depth, 0.0, dtype=np.float64)
         count += depth > 0
         total += depth
         squares += depth**2
@@ -91,12 +92,12 @@ def _steady(snapshots: Sequence[Snapshot]) -> Bools:
     return steady
 
 
-def _above_floor(views: list[Snapshot]) -> Bools:
-    """Return the pixels that show no floor in any of the views."""
-    high = np.ones(views[0].depth.shape, dtype=bool)
+def _above_floor(views: list[Snapshot], pixels: Bools) -> Bools:
+    """Return which of some pixels, a mask (height, width), show no floor in any of the views."""
+    high = np.ones(int(pixels.sum()), dtype=bool)
     for one in views:
         with np.errstate(invalid="ignore"):
-            high &= ~(one.points_in_base()[..., 2] + one.base_z < _ABOVE_FLOOR)
+            high &= ~(one.points_of(pixels)[:, 2] + one.base_z < _ABOVE_FLOOR)
     return high
 
 
