@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from tablemap import palette
 from tablemap.geometry import Bools, Floats, transform
+from tablemap.masks import shrunk
 from tablemap.review import colours, text
 from tablemap.review.clouds import closed, middles, raised, thinned
 from tablemap.review.eyes import views_eye
@@ -199,7 +199,7 @@ class Perception:
         cell, scene = stream.config.voxel, stream.scene
         measured = np.isfinite(snapshot.depth)
         is_top = (view.labels == Label.TOP) & measured
-        inside = ndimage.binary_erosion(is_top, iterations=2)
+        inside = shrunk(is_top, 5, outside=False)
 
         def kept(pixels: Bools, cell: float) -> NDArray[np.float32]:
             return thinned(_points_of(snapshot, pixels, scene.floor_z), cell)
