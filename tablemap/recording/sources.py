@@ -10,8 +10,6 @@ from tablemap.config import LimitsConfig
 from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.files import opened_regular
 from tablemap.inputs import AnyInput, Input
-from tablemap.recording.bags.bag import Bag
-from tablemap.recording.bags.folder import files_of
 from tablemap.recording.mcap.container import Container
 from tablemap.recording.mcap.index import MAGIC
 from tablemap.recording.packing import ZSTD_MAGIC, unpack_file
@@ -57,10 +55,10 @@ def _open_place(path: Path, warnings: list[ProcessWarning], limits: LimitsConfig
     start = _first_bytes(path)
     if start.startswith(MAGIC):
         return _container(path, warnings, limits)
-    if start.startswith(_BAG):
-        return Bag(path, ros1=True, warnings=warnings, limits=limits)
-    if start.startswith(_DATABASE):
-        return Bag(path, ros1=False, warnings=warnings, limits=limits)
+    if start.startswith((_BAG, _DATABASE)):
+        from tablemap.recording.bags.bag import Bag
+
+        return Bag(path, ros1=start.startswith(_BAG), warnings=warnings, limits=limits)
     if start.startswith(ZSTD_MAGIC):
         # An open file stays readable after its folder is removed.
         with TemporaryDirectory(prefix="tablemap-") as folder:
@@ -77,6 +75,8 @@ def _open_place(path: Path, warnings: list[ProcessWarning], limits: LimitsConfig
 
 def _open_folder(folder: Path, warnings: list[ProcessWarning], limits: LimitsConfig) -> Source:
     """Open the files of a bag's folder as one; leave out unreadable files, with a warning."""
+    from tablemap.recording.bags.folder import files_of
+
     sources: list[Source] = []
     errors: list[RecordingError] = []
     with ExitStack() as opened:
