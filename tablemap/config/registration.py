@@ -29,11 +29,17 @@ class RegistrationConfig(Section):
         description="metres; scale of the Geman-McClure loss: a point with a larger residual "
         "loses weight. Higher: noisy scans weigh more, and so do things that moved",
     )
+    scan_partners: int = Field(
+        default=7,
+        ge=1,
+        description="stops; the most with which one stop is paired by its scans. Higher: more "
+        "certain poses, more time",
+    )
     partners: int = Field(
         default=10,
         ge=1,
-        description="stops; the most with which one stop is paired. Higher: more certain poses, "
-        "more time",
+        description="views; of more than these, depth pairs each with few others, by half of its "
+        "points. Higher: more certain poses, more time",
     )
     minimum_overlap: float = Field(
         default=0.3,

@@ -198,7 +198,7 @@ def choose_pairs(
             (j for j in present if j != i),
             key=lambda j: (float(np.linalg.norm(poses[i, :2] - poses[j, :2])), j),
         )
-        chosen |= {(max(i, j), min(i, j)) for j in near[: config.partners]}
+        chosen |= {(max(i, j), min(i, j)) for j in near[: config.scan_partners]}
     return sorted(chosen)
 
 
