@@ -179,7 +179,7 @@ def _corners_without_depth(
     return [
         (
             "accuracy.hidden_rim",
-            f"At {len(corners)} of {counted(len(shape.corners()), 'corner')} the depth is missing, "
+            f"At {len(corners)} of {counted(len(shape.corners), 'corner')} the depth is missing, "
             f"so that a radius of {shape.radius:.3f} m was fitted to the edges of holes; the top "
             f"may have sharp corners, which lie {1e3 * farthest:.0f} mm farther out.",
         )

@@ -203,7 +203,7 @@ def _on_lines(ring: Floats) -> Polygon | None:
 
 
 def _as_rectilinear(shape: Polygon, direction: float) -> Rectilinear | None:
-    angle, offset, _, _ = shape.lines()
+    angle, offset, _, _ = shape.lines
     quarter = np.round((angle - direction) / (np.pi / 2)).astype(np.int64)
     if np.abs(angle - direction - quarter * np.pi / 2).max() > 0.05 or len(angle) < 5:
         return None
@@ -228,7 +228,7 @@ def _distinct(proposals: list[Sided]) -> list[Sided]:
             for other in kept
             if type(other) is type(shape)
             and other.parameters.shape == shape.parameters.shape
-            and np.abs(other.corners() - shape.corners()).max() < 0.02
+            and np.abs(other.corners - shape.corners).max() < 0.02
         ]
         if not same:
             kept.append(shape)

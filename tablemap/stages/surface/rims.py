@@ -109,7 +109,7 @@ def hidden_corners(fit: JointFit, outline: Outline, evidence: Evidence) -> list[
     ends = _ends(fit, outline, evidence)
     if ends is None or not isinstance(fit.shape, Rounded):
         return []
-    corners, pieces = fit.shape.corners(), fit.shape.pieces()
+    corners, pieces = fit.shape.corners, fit.shape.pieces()
     within = signed_distance(ends.places, corners) < _REACH
     found = []
     for number, corner in enumerate(corners):

@@ -122,7 +122,7 @@ def hold_unseen(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> tup
         edge = _within(fit.points[fit.side >= 0], piece, along, -0.05)
         seen = np.concatenate([top, edge])
         close = np.abs(seen @ outward - here) < 0.3
-        if len(shape.corners()) > 4 and close.any():
+        if len(shape.corners) > 4 and close.any():
             # In a polygon with arms, only the top near this side counts.
             seen = seen[close]
         last = _last(seen @ along, seen @ outward, evidence.cell) if len(seen) else here

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -52,7 +53,7 @@ class Rounded(Sided):
     def record(self) -> ShapeRecord:
         return self.kind.record
 
-    @property
+    @cached_property
     def sharp(self) -> Sided:
         """The same sides with sharp corners."""
         return self.kind.at(self.parameters[:-1])
@@ -62,18 +63,20 @@ class Rounded(Sided):
         """The radius of the corners, metres."""
         return float(self.parameters[-1])
 
+    @cached_property
     def _arcs(self) -> Arcs:
-        return Arcs.rounding(self.corners(), self.radius)
+        return Arcs.rounding(self.corners, self.radius)
 
+    @cached_property
     @override
     def lines(self) -> tuple[Floats, Floats, Floats, Floats]:
-        angle, offset, by_angle, by_offset = self.sharp.lines()
+        angle, offset, by_angle, by_offset = self.sharp.lines
         by_radius = np.zeros((len(angle), 1))
         return angle, offset, np.hstack([by_angle, by_radius]), np.hstack([by_offset, by_radius])
 
     @override
     def ends(self) -> tuple[Floats, Floats]:
-        first, last = self._arcs().ends()
+        first, last = self._arcs.ends()
         return last, np.roll(first, -1, axis=0)
 
     @override
@@ -92,7 +95,7 @@ class Rounded(Sided):
 
     def _on_bends(self, points: Floats, normals: Floats) -> Measure:
         """Measure (N, 2) points against their nearest arcs; far away where no arc's normal fits."""
-        arcs = self._arcs()
+        arcs = self._arcs
         sign = np.sign(arcs.turn)
         before, after = unit(arcs.before), unit(arcs.before + arcs.turn)
         arm = points[:, None] - arcs.centre
@@ -138,7 +141,7 @@ class Rounded(Sided):
 
     def _bends(self) -> list[Floats]:
         """Return the arcs, that at the end of the first side first."""
-        arcs = self._arcs().points(_CHORDS)
+        arcs = self._arcs.points(_CHORDS)
         return [*arcs[1:], arcs[0]]
 
     @override
@@ -178,7 +181,7 @@ class Rounded(Sided):
         Such a radius cuts off as much of the sharpest corner as `SurfaceConfig.corner_resolution`
         does of a right angle. For an acute corner it is not less than that.
         """
-        cut = float((1 / np.cos(self._arcs().turn / 2)).max()) - 1
+        cut = float((1 / np.cos(self._arcs.turn / 2)).max()) - 1
         return config.corner_resolution * max((2**0.5 - 1) / cut, 1.0)
 
     @override
@@ -198,7 +201,7 @@ class Rounded(Sided):
 
 def _largest_radius(sharp: Sided) -> float:
     """Return the radius with which the arcs at both ends of a side leave nothing straight of it."""
-    corners = sharp.corners()
+    corners = sharp.corners
     length = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
     tangent = np.abs(np.tan(Arcs.rounding(corners, 0.0).turn / 2))
     return float((length / (tangent + np.roll(tangent, -1))).min())

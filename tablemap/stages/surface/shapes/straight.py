@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -26,16 +27,18 @@ from tablemap.stages.surface.shapes.sides import (
 class Sided(Shape):
     """A polygon whose sides are lines ``n(angle) . p = offset`` with outward normal n."""
 
+    @cached_property
     @abstractmethod
     def lines(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return angles (S,), offsets (S,) and their derivatives by the parameters (S, k) each.
+        """The angles (S,), offsets (S,) and their derivatives by the parameters (S, k) each.
 
         Sides are in counter-clockwise order; neighbours meet in the corners.
         """
 
+    @cached_property
     def corners(self) -> Floats:
-        """Return (S, 2): corner i is where side i begins (after side i-1)."""
-        angle, offset, _, _ = self.lines()
+        """The corners (S, 2); corner i is where side i begins (after side i-1)."""
+        angle, offset, _, _ = self.lines
         before_angle, before_offset = np.roll(angle, 1), np.roll(offset, 1)
         cross = np.sin(angle - before_angle)
         cross = np.where(np.abs(cross) < 1e-6, 1e-6, cross)
@@ -45,12 +48,12 @@ class Sided(Shape):
 
     def ends(self) -> tuple[Floats, Floats]:
         """Return where the straight sides begin and end, (S, 2) each."""
-        corners = self.corners()
+        corners = self.corners
         return corners, np.roll(corners, -1, axis=0)
 
     @override
     def measure(self, points: Floats, normals: Floats) -> Measure:
-        angle, offset, _, _ = self.lines()
+        angle, offset, _, _ = self.lines
         start, end = self.ends()
         outward = unit(angle)
         tangent = perpendicular(outward)
@@ -76,7 +79,7 @@ class Sided(Shape):
 
     def on_lines(self, points: Floats, side: Ints) -> Measure:
         """Measure (N, 2) points against lines (N,), by their numbers in `lines`."""
-        angle, offset, by_angle, by_offset = self.lines()
+        angle, offset, by_angle, by_offset = self.lines
         outward = unit(angle)[side]
         lever = np.sum(points * perpendicular(outward), axis=1)
         return Measure(
@@ -89,7 +92,7 @@ class Sided(Shape):
 
     @override
     def outline(self) -> Floats:
-        return self.corners()
+        return self.corners
 
     @override
     def pieces(self) -> tuple[Floats, ...]:
@@ -97,10 +100,10 @@ class Sided(Shape):
 
     @override
     def is_plausible(self) -> bool:
-        corners = self.corners()
+        corners = self.corners
         if not np.isfinite(corners).all() or np.abs(corners).max() > 10.0:
             return False
-        angle, _, _, _ = self.lines()
+        angle, _, _, _ = self.lines
         along = np.roll(corners, -1, axis=0) - corners
         forward = np.sum(along * perpendicular(unit(angle)), axis=1)
         return bool((forward > 0.02).all()) and area(corners) > 0.01
@@ -112,6 +115,7 @@ class Rectangle(Sided):
 
     record = RECTANGLE
 
+    @cached_property
     @override
     def lines(self) -> tuple[Floats, Floats, Floats, Floats]:
         x, y, yaw, length, width = self.parameters
@@ -160,10 +164,11 @@ class Square(Sided):
         x, y, yaw, length, width = rectangle
         return (cls(np.array([x, y, yaw, float(np.sqrt(length * width))])),)
 
+    @cached_property
     @override
     def lines(self) -> tuple[Floats, Floats, Floats, Floats]:
         x, y, yaw, side = self.parameters
-        angle, offset, by_angle, by_offset = Rectangle(np.array([x, y, yaw, side, side])).lines()
+        angle, offset, by_angle, by_offset = Rectangle(np.array([x, y, yaw, side, side])).lines
         merge = np.zeros((5, 4))
         merge[[0, 1, 2, 3, 4], [0, 1, 2, 3, 3]] = 1.0
         return angle, offset, by_angle @ merge, by_offset @ merge
@@ -201,6 +206,7 @@ class Parallelogram(Sided):
     def starts_in(cls, rectangle: Floats) -> tuple[Shape, ...]:
         return (cls(np.append(rectangle, np.pi / 2)),)
 
+    @cached_property
     @override
     def lines(self) -> tuple[Floats, Floats, Floats, Floats]:
         x, y, yaw, length, width, corner = self.parameters
@@ -267,6 +273,7 @@ class Rectilinear(Sided):
 
     record = POLYGON
 
+    @cached_property
     @override
     def lines(self) -> tuple[Floats, Floats, Floats, Floats]:
         angle = self.parameters[0] + self.quarter * (np.pi / 2)
@@ -279,7 +286,7 @@ class Rectilinear(Sided):
 
     @override
     def describe(self) -> tuple[Floats, dict[str, float]]:
-        return _polygon_pose(self.corners()), {}
+        return _polygon_pose(self.corners), {}
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,6 +295,7 @@ class Polygon(Sided):
 
     record = POLYGON
 
+    @cached_property
     @override
     def lines(self) -> tuple[Floats, Floats, Floats, Floats]:
         count = len(self.parameters) // 2
@@ -306,7 +314,7 @@ class Polygon(Sided):
 
     @override
     def describe(self) -> tuple[Floats, dict[str, float]]:
-        return _polygon_pose(self.corners()), {}
+        return _polygon_pose(self.corners), {}
 
 
 def _polygon_pose(corners: Floats) -> Floats:
