@@ -81,16 +81,22 @@ def fit_candidates(
     def fully(fit: JointFit) -> JointFit:
         return _settle(fit.state, evidence, config, narrow, assumed)
 
+    def hopeful(fits: list[JointFit]) -> list[JointFit]:
+        """Return the fits to few points that fits to all of them may bring near the best one."""
+        costs = [_cost(fit, coarse, config) for fit in fits]
+        most = min(costs, default=0.0) + _HOPELESS_OF_FEW
+        return [fit for fit, cost in zip(fits, costs, strict=True) if cost <= most]
+
     def rounded(sharp: list[JointFit]) -> list[JointFit]:
         """Round the corners of fitted shapes; return the cheapest, unless it seems sharp.
 
         A fit that is not told from a sharp one must not tell of the noise either.
         """
         fits = [
-            quick
+            found
             for fit in sharp
             if isinstance(fit.shape, Sided) and _seems_round(fit.shape, fit.state, coarse, config)
-            for quick in quickly(
+            for found in quickly(
                 [replace(fit.state, shape=start) for start in Rounded.starts_of(fit.shape)],
                 (wide[1], *narrow),
             )
@@ -108,18 +114,28 @@ def fit_candidates(
         ]
 
     starts = generators(evidence, config, random)
-    fits: dict[type[Shape], list[JointFit]] = {}
+    quick: dict[type[Shape], list[JointFit]] = {}
     for kind in PRIMITIVES:
         inside = [
             start
-            for box in fits.get(Rectangle, [])
+            for box in quick.get(Rectangle, [])
             for start in kind.starts_in(box.shape.parameters)
         ]
         # A kind that starts only from a fitted rectangle starts near its place.
         gates = (*wide, *narrow) if kind in starts else (wide[1], *narrow)
         own = [unfitted(start, coarse) for start in (*inside, *starts.get(kind, []))]
-        fits[kind] = [fully(fit) for fit in quickly(own, gates)]
-    primitive = [*fits.values(), *(rounded(found) for found in fits.values())]
+        quick[kind] = quickly(own, gates)
+    few = [fit for found in quick.values() for fit in found]
+    likely = hopeful(few)
+    fits = [
+        fully(fit) if fit in likely else measure(fit.state, evidence, config, noise=assumed)
+        for fit in few
+    ]
+    straight = hopeful([fit for fit in few if isinstance(fit.shape, Sided)])
+    primitive = [
+        *([fit] for fit in fits),
+        *(rounded([fit]) for fit, of_few in zip(fits, few, strict=True) if of_few in straight),
+    ]
     simple = [fit for found in primitive for fit in found]
     # The nuisances of the best simple shape place the points well for the search for polygons.
     placed = min(simple, key=_raw_cost, default=None)
@@ -129,12 +145,12 @@ def fit_candidates(
         nuisances = unfitted(_ANY_SHAPE, evidence)
         points, normals = evidence.points, evidence.normals
     proposed = polygons(points, normals, evidence, config)
-    quick = _promising(proposed, coarse, nuisances, config, wide[1])
+    promising = _promising(proposed, coarse, nuisances, config, wide[1])
     polygonal = [
         _settle(replace(nuisances, shape=fit.shape), evidence, config, (wide[1], *narrow), assumed)
-        for fit in quick[:_MOST_POLYGONS]
+        for fit in promising[:_MOST_POLYGONS]
     ]
-    return _weighed([*primitive, polygonal, rounded(quick)], evidence, config, assumed)
+    return _weighed([*primitive, polygonal, rounded(promising)], evidence, config, assumed)
 
 
 def _seems_round(sharp: Sided, state: State, evidence: Evidence, config: SurfaceConfig) -> bool:
@@ -300,6 +316,7 @@ _MOST_POLYGONS = 2  # that are fitted to all points
 
 # A candidate whose cost exceeds the least cost by this much has a weight of practically zero.
 _HOPELESS = 100.0
+_HOPELESS_OF_FEW = 3 * _HOPELESS  # few points say it less surely
 
 _ANY_SHAPE = Circle(np.array([0.0, 0.0, 0.5]))
 
