@@ -117,6 +117,9 @@ WARNING_CODES: dict[str, str] = {
     "registration.no_scan": (
         "A snapshot has no usable laser scan; depth connects it to the others, or it is not used."
     ),
+    "registration.depth_instead": (
+        "The laser loses views that depth can place; all views were placed by depth."
+    ),
     "registration.sweep": "Scans of a moving robot say no time_increment; it was estimated.",
     "registration.searched": "A snapshot started far from its place and was found by searching.",
     "accuracy.registration_failed": "A snapshot's registration failed its check; it is not used.",

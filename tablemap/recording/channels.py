@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from hashlib import blake2b
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tablemap.config import LimitsConfig
-from tablemap.geometry import Floats
+from tablemap.geometry import Floats, Ints
 from tablemap.recording.calibrations import is_same
 from tablemap.recording.decoding import Decoder
 from tablemap.recording.kinds import CALIBRATION, TRANSFORMS
@@ -70,6 +71,7 @@ class Channels:
                 self._decoders |= self._decoders_of(topic)
         self.collector = TransformCollector(limits)
         self._stamped: dict[str, Stamped] = {}
+        self._contents: dict[str, Ints] = {}
         self._others: dict[str, list[str]] = {}
         self._offsets_ns: dict[str, int] = {}
         self.calibrations: list[CameraInfo] = []
@@ -90,6 +92,13 @@ class Channels:
             )
         stamped, offset_ns = self._stamped[topic.name], self._offsets_ns.get(topic.name, 0)
         return replace(stamped, stamps_ns=stamped.stamps_ns + offset_ns) if offset_ns else stamped
+
+    def contents(self, topic: Topic) -> Ints:
+        """Return one number a scan of a laser's topic, in the order of the stamps that `of` gives.
+
+        Scans that were measured alike, to the last digit, have the same number.
+        """
+        return self._contents.get(topic.name, np.zeros(0, dtype=np.int64))
 
     def shift(self, topic: Topic, offset_ns: int) -> None:
         """Add an offset to the stamps of a topic's messages, whose clock is off by so much."""
@@ -165,6 +174,7 @@ class Channels:
         """Read the recording once for all transforms and for the stamps of images and scans."""
         topic_of = {id: t for t in (*self._topics, *self._roles.transforms) for id in t.ids}
         stamped: dict[str, list[tuple[int, int]]] = {}
+        contents: dict[str, list[int]] = {topic.name: [] for topic in self._roles.lasers}
         calibrated: dict[int, tuple[bytes, int | None]] = {}
         for transform in implied_transforms(self._roles):
             self.collector.add(transform)
@@ -188,11 +198,22 @@ class Channels:
                 stamp_ns, frame_id = decoder.header(raw)
                 if frame_id in topic.recorded_frames:
                     stamped.setdefault(topic.name, []).append((stamp_ns, raw.log_time_ns))
+                    if topic.name in contents:
+                        contents[topic.name].append(_content(decoder, raw))
                 else:
                     self._others.setdefault(topic.name, []).append(frame_id)
             except DecodingError as error:
                 self.say_undecoded(topic.name, error)
         self._stamped = {name: _by_stamp(pairs) for name, pairs in stamped.items()}
+        for name in contents.keys() & stamped.keys():
+            _, first = np.unique([stamp_ns for stamp_ns, _ in stamped[name]], return_index=True)
+            self._contents[name] = np.array(contents[name], dtype=np.int64)[first]
+
+
+def _content(decoder: Decoder, raw: RawMessage) -> int:
+    """Return a number of what a scan measured; equal measurements have equal numbers."""
+    digest = blake2b(decoder.measured(raw), digest_size=8).digest()
+    return int.from_bytes(digest, "little", signed=True)
 
 
 def _by_stamp(pairs: list[tuple[int, int]]) -> Stamped:

@@ -10,10 +10,12 @@ from tablemap.config.limits import MIB
 from tablemap.recording.claims import ClaimError, check_message, check_points
 from tablemap.recording.fields import converter
 from tablemap.recording.kinds import kind_of
-from tablemap.recording.messages import DecodingError, Message
+from tablemap.recording.messages import DecodingError, LaserScan, Message
 from tablemap.recording.packing import unpacked_message
 from tablemap.recording.parsing import brief, parser
 from tablemap.recording.raw import Channel, RawMessage
+
+_BEFORE_RANGES = 128  # bytes of ROS's scans: header, angles, and perhaps a few ranges
 
 
 class Decoder:
@@ -71,6 +73,17 @@ class Decoder:
         message = self.decode(raw)
         assert not isinstance(message, tuple)
         return message.stamp_ns, message.frame_id
+
+    def measured(self, raw: RawMessage) -> bytes:
+        """Return bytes of what a laser scan measured, without its stamp and in no certain format.
+
+        Behind ROS's header they are the same bytes in the same place. Other encodings write the
+        stamp in more or fewer bytes, or behind the ranges: their scans are decoded.
+        """
+        if self._peek is not None:
+            return bytes(self._unpacked(raw)[_BEFORE_RANGES:])
+        scan = self.decode(raw)
+        return scan.ranges.tobytes() if isinstance(scan, LaserScan) else b""
 
     def _unpacked(self, raw: RawMessage) -> memoryview:
         if not self._may_be_packed:

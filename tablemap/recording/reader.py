@@ -16,7 +16,7 @@ from tablemap.geometry import Floats
 from tablemap.inputs import AnyInput, Input
 from tablemap.recording.calibrations import Calibrations, valid_calibrations
 from tablemap.recording.carried import carried_warnings
-from tablemap.recording.channels import Channels, only
+from tablemap.recording.channels import Channels, Stamped, only
 from tablemap.recording.depth import decode_depth
 from tablemap.recording.depth_meaning import DepthMeaning
 from tablemap.recording.judgement import Sample, judged, sampled, spread
@@ -34,7 +34,7 @@ from tablemap.recording.sensor_clocks import (
     settled,
     span_apart,
 )
-from tablemap.recording.silence import is_silent
+from tablemap.recording.silence import is_silent, is_telling, repeated_elsewhere
 from tablemap.recording.sources import open_source
 from tablemap.recording.streams import SensorStreams
 from tablemap.recording.tf.frame_roles import FrameNames, pose_stamps
@@ -85,6 +85,7 @@ class Recording(SensorStreams):
         self._place(topics, limits)
         self._laser = self._channels.of(self.roles.laser)
         self._settle_clocks(topics)
+        self._laser = self._without_repeated_scans()
         self._meaning, self._filler = self._judge(topics, limits)
         mounts, known = self.base_from_cameras(spread(self._depth.stamps_ns))
         self._turns = quarter_turns(mounts[known])
@@ -231,6 +232,34 @@ class Recording(SensorStreams):
             if isinstance(message, Image | CompressedImage)
         )
         return sampled(images, self.tree, self.names)
+
+    def _without_repeated_scans(self) -> Stamped:
+        """Return the laser's scans without those that a hung driver sent again from elsewhere."""
+        have, laser = self._laser, self.roles.laser
+        if laser is None or self.names.laser is None or not len(have.stamps_ns):
+            return have
+        poses, known = self.odom_from_bases(have.stamps_ns)
+        if not known.any():
+            poses, known = self.fixed_from_bases(have.stamps_ns)
+        repeats = repeated_elsewhere(self._channels.contents(laser), poses, known)
+        firsts = np.unique(repeats[repeats >= 0])
+        told = [
+            int(np.searchsorted(have.stamps_ns, scan.stamp_ns))
+            for scan in self.scans(stamps_ns=have.stamps_ns[firsts])
+            if is_telling(scan)
+        ]
+        gone = np.isin(repeats, told)
+        if gone.any():
+            first_ns = int(have.stamps_ns[gone][0])
+            self._say_once(
+                "recording.silent_sensor",
+                f"The laser on {laser.name} sent old scans again, equal to the last digit, while "
+                f"the robot moved: {gone.sum()} of {counted(len(gone), 'scan')} were left out, the "
+                f"first {(first_ns - int(have.stamps_ns[0])) / 1e9:.1f} s after the first scan; "
+                "look for a driver that hangs.",
+                first_ns,
+            )
+        return Stamped(have.stamps_ns[~gone], have.log_times_ns[~gone])
 
     def _learnt_unseen(self) -> Unseen | None:
         """Learn from scans of different places which range stands for nothing seen, and say it."""

@@ -19,9 +19,10 @@ from tablemap.stages.registration.laser.laser import register_laser
 from tablemap.stages.registration.laser.stops import stop_scan
 from tablemap.stages.registration.laser.sweep import said_of, told_share, turn_seconds
 from tablemap.stages.registration.placement import bend_trajectory, place_in_map, stretched
-from tablemap.stages.registration.result import Registration, StopScan
+from tablemap.stages.registration.result import DepthStatistics, Registration, StopScan
 from tablemap.stages.registration.solution import Solution
 from tablemap.stages.snapshots import Snapshot
+from tablemap.words import counted
 
 _LEAST_STOP_POINTS = 40
 _DEPTH_EXCESS = 2.0
@@ -44,15 +45,22 @@ def register(
     """Place all snapshots in the map, relative to each other to millimetres, and check them.
 
     The poses come from the laser's stop scans. Without a laser they come from upright surfaces in
-    the depth images and from the table's ``edges``, which are computed only then. Without both they
-    come from the localisation. Every stop's scan and every ICP iteration go to ``record``. Nothing
-    here is random. Raises `EstimationError` without any snapshot.
+    the depth images and from the table's ``edges``, which are computed only then; likewise if the
+    laser loses views and depth loses fewer. Without both they come from the localisation. Every
+    stop's scan and every ICP iteration go to ``record``. Nothing here is random. Raises
+    `EstimationError` without any snapshot.
     """
     if not snapshots:
         raise EstimationError("expected at least one snapshot to register, found none")
     localised = np.array([snapshot.map_from_base.as_array() for snapshot in snapshots])
     initial = _initial(odometry, snapshots, localised)
     warnings: list[ProcessWarning] = []
+
+    def by_depth() -> Solution:
+        return register_depth(
+            snapshots, edges, odometry, initial, config=config, sensors=sensors, record=record
+        )
+
     # The systems are small: threads cost more than they save, and one thread makes runs repeat.
     with threadpool_limits(limits=1):
         stops = _stop_scans(recording, snapshots, odometry, config, sensors, record)
@@ -61,16 +69,10 @@ def register(
                 recording, stops, snapshots, odometry, initial, config, sensors, record
             )
             warnings = said_of(share, recording)
+            if not all(check.passed for check in solution.checks):
+                solution = of_more_views(solution, by_depth(), warnings)
         else:
-            solution = register_depth(
-                snapshots,
-                edges,
-                odometry,
-                initial,
-                config=config,
-                sensors=sensors,
-                record=record,
-            )
+            solution = by_depth()
         relative, covariance = solution.poses, solution.covariance
         stretch_sigma = sensors.laser_range_scale_sigma
         if solution.source != "laser":
@@ -97,6 +99,33 @@ def register(
         warnings=tuple(warnings),
         stretch_sigma=stretch_sigma,
     )
+
+
+def of_more_views(
+    by_laser: Solution, by_depth: Solution, warnings: list[ProcessWarning]
+) -> Solution:
+    """Return the solution whose checks pass more of the views that show the top's edge.
+
+    Only there the two can be compared: a view without edges has nothing that depth is checked by.
+    If they pass the same number, the laser's is taken. It is the more precise one.
+    """
+    shown = [
+        check.index
+        for check in by_depth.checks
+        if isinstance(check.statistics, DepthStatistics) and check.statistics.edge_points
+    ]
+    scanned, seen = (
+        sum(solution.checks[index].passed for index in shown) for solution in (by_laser, by_depth)
+    )
+    if seen <= scanned:
+        return by_laser
+    message = (
+        f"the laser places {scanned} of the {counted(len(shown), 'view')} of the table's edge, and "
+        f"depth places {seen} of them: all poses come from depth, and are less certain than by a "
+        "laser that sees the walls at all stops"
+    )
+    warnings[:] = [ProcessWarning("registration.depth_instead", "registration", message)]
+    return by_depth
 
 
 def _by_laser(
