@@ -1,21 +1,24 @@
 """The kind of a depth camera, as its images show it: by the steps of depth, and by its noise.
 
-A camera that triangulates measures a disparity: the noise of its depth, and the steps where they
-are seen, grow with the square of the distance. The steps of structured light are eighths of a pixel
-(Khoshelham and Elberink, Sensors 2012), those of stereo are finer. The noise of a time-of-flight
-camera is less, grows about linearly, more where dark or slanted surfaces are the far ones, and its
-steps are the millimetres of the encoding.
+A camera that triangulates measures a disparity, in whole steps of a pixel's part: eighths for
+structured light (Khoshelham and Elberink, Sensors 2012), finer ones for stereo. The inverse of its
+depth is a comb, of the same pitch at all distances; where the depth image bends, only its place
+differs from one part of the image to the next. So the comb's frequency is looked for in blocks.
+Without a comb the noise tells: that of a triangulation grows with the square of the distance, that
+of a time-of-flight camera is less, and grows about linearly, more where dark or slanted surfaces
+are the far ones.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from tablemap.config import DepthCamera
-from tablemap.geometry import Floats
 from tablemap.robust import mad_sigma
 from tablemap.stages.snapshots.noise import LAG_PX, SLAB_M, value_steps
 from tablemap.stages.snapshots.result import UNKNOWN_CAMERA, SeenCamera
@@ -25,7 +28,7 @@ _NEAREST, _FARTHEST = 0.8, 4.0  # metres
 _FEWEST_SLABS, _LEAST_PIXELS = 5, 500
 _FINE = 0.0015  # metres: a step of the encoding, and none of the camera
 _COARSE = 0.008  # metres at two metres: eighths of a pixel at a projector's baseline
-_GROWS, _SQUARE = 1.3, 1.5  # powers of the distance
+_SQUARE = 1.5  # power of the distance
 _TIME_OF_FLIGHT = ((1.35, 0.006), (1.6, 0.0045))  # powers, and the most noise at two metres, metres
 
 
@@ -50,22 +53,61 @@ def seen_camera(depths: Sequence[NDArray[np.float32]]) -> SeenCamera:
         return UNKNOWN_CAMERA
     power, at_one = np.polyfit(np.log(distances[shown]), np.log(noises[shown]), 1)
     at_two = float(np.interp(2.0, distances, steps))
-    seen = SeenCamera(None, float(np.exp(at_one) * 2**power), float(power), at_two)
-    return SeenCamera(_kind(seen, distances, steps), seen.noise, seen.power, seen.step)
+    comb = _comb(depths)
+    seen = SeenCamera(
+        None, float(np.exp(at_one) * 2**power), float(power), at_two if comb is None else comb
+    )
+    return replace(seen, kind=_kind(seen, comb is not None))
 
 
-def _kind(seen: SeenCamera, distances: Floats, steps: Floats) -> DepthCamera | None:
-    if seen.step > _FINE:
-        stepped = steps > 0
-        if stepped.sum() < _FEWEST_SLABS:
-            return None
-        growth = float(np.polyfit(np.log(distances[stepped]), np.log(steps[stepped]), 1)[0])
-        if growth <= _GROWS:
-            return None
+def _kind(seen: SeenCamera, has_comb: bool) -> DepthCamera | None:
+    if has_comb:
         return "structured_light" if seen.step > _COARSE else "stereo"
+    if seen.step > _FINE:
+        return None
     if any(seen.power < power and seen.noise < most for power, most in _TIME_OF_FLIGHT):
         return "time_of_flight"
     return "stereo" if seen.power > _SQUARE else None
+
+
+def _comb(depths: Sequence[NDArray[np.float32]]) -> float | None:
+    """Return the step in metres at two metres of depths that are whole steps of a disparity.
+
+    Each block of pixels is a sum of unit phasors, at every frequency that the inverse depth may
+    repeat with; the mean length of these sums has a peak at the comb's. None without a clear one.
+    """
+    blocks = [block for depth in depths for block in _blocks(depth)]
+    if not blocks:
+        return None
+    chosen = np.unique(np.linspace(0, len(blocks) - 1, _MOST_BLOCKS).astype(np.int64))
+    length = np.zeros(len(_FREQUENCIES))
+    for k in chosen:
+        phase = np.multiply.outer(2j * np.pi * _FREQUENCIES, 1 / blocks[k]).astype(np.complex64)
+        length += np.abs(np.exp(phase).mean(axis=1)) / len(chosen)
+    usual = ndimage.median_filter(length, _WINDOW, mode="nearest")
+    peak = int(np.argmax(length - usual))
+    return 4.0 / float(_FREQUENCIES[peak]) if length[peak] - usual[peak] > _CLEAR else None
+
+
+def _blocks(depth: NDArray[np.float32]) -> Iterator[NDArray[np.float32]]:
+    """Yield the depths (n,) of blocks of pixels that show one surface."""
+    height, width = depth.shape
+    for top in range(0, height - _BLOCK_PX + 1, _BLOCK_PX):
+        for left in range(0, width - _BLOCK_PX + 1, _BLOCK_PX):
+            block = depth[top : top + _BLOCK_PX : 2, left : left + _BLOCK_PX : 2]
+            values = block[np.isfinite(block)]
+            middle = float(np.median(values)) if values.size > _FILLED * block.size else 0.0
+            if _COMB_NEAREST < middle < _COMB_FARTHEST:
+                values = values[np.abs(values - middle) < _ONE_SURFACE * middle]
+                if values.size > _FILLED * block.size:
+                    yield values
+
+
+_FREQUENCIES = np.arange(120.0, 1300.0, 4.0)  # of the inverse depth, 1 / (1 / metre)
+_BLOCK_PX, _MOST_BLOCKS, _WINDOW = 24, 32, 81
+_FILLED, _ONE_SURFACE = 0.7, 0.1  # shares of a block, and of its distance
+_COMB_NEAREST, _COMB_FARTHEST = 1.0, 3.0  # metres: nearer, the millimetres of the encoding hide it
+_CLEAR = 0.3  # combs have .5 to .9; cameras without one .15 at most
 
 
 def _by_range(depth: NDArray[np.float32]) -> list[tuple[float, float, float]]:

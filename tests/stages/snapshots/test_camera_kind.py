@@ -25,6 +25,13 @@ def structured_light(rng: np.random.Generator) -> NDArray[np.float64]:
     return np.rint(1e3 * 43.9 / disparity) / 1e3
 
 
+def bent(rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return the same with a bend of 1.5 percent over the image, after the steps."""
+    v, u = np.indices(IDEAL.shape) / 120.0
+    field = 1 + 0.015 * np.sin(1.7 * u + 0.4) * np.cos(1.3 * v) * IDEAL / 2
+    return np.rint(1e3 * structured_light(rng) * field) / 1e3
+
+
 def realsense(rng: np.random.Generator) -> NDArray[np.float64]:
     """Return what 848 x 480 active stereo sees: disparities in 32nds, smooth, in millimetres."""
     disparity = 21.3 / IDEAL + rng.normal(0, 0.08, IDEAL.shape)
@@ -64,6 +71,7 @@ def eight_bits(rng: np.random.Generator) -> NDArray[np.float64]:
     ("camera", "kind"),
     [
         (structured_light, "structured_light"),
+        (bent, "structured_light"),
         (realsense, "stereo"),
         (coarse_realsense, "stereo"),
         (zed, "stereo"),
