@@ -103,7 +103,7 @@ def _disagreement(
     rivals: tuple[Rival, ...], weight: Floats, told: _Told, sigma: float
 ) -> ProcessWarning:
     rare = [(float(w), _CAUSES[r.cause]) for r, w in zip(rivals, weight, strict=True) if r.cause]
-    likeliest = " or ".join(f"{cause} ({w:.0%})" for w, cause in sorted(rare, reverse=True))
+    likeliest = " or ".join(f"{cause} ({100 * w:.0f} %)" for w, cause in sorted(rare, reverse=True))
     return ProcessWarning(
         "accuracy.top_distance",
         "surface",
