@@ -100,11 +100,16 @@ def refine(
     usual = max(range(len(groups)), key=lambda k: len(groups[k]))
     order = sorted(range(len(groups)), key=lambda k: k != usual)
     members = [candidate for k in order for candidate in groups[k]]
-    central = {
-        leg for group in fitted for leg in group if frame.is_central(np.array([leg.x, leg.y]))
-    }
-    whole = seen_in_part([fitted[k] for k in order], central)
-    for candidate, leg in zip(members, whole, strict=True):
+    # A column in the middle differs by design; so do two that are alike and seen from all sides.
+    by_design: set[Leg] = set()
+    for candidates, fits in zip(groups, fitted, strict=True):
+        whole = len(fits) > 1 and all(_is_seen_all_round(each) for each in candidates)
+        middle = [frame.is_central(np.array([leg.x, leg.y])) for leg in fits]
+        by_design |= {
+            leg for leg, is_column in zip(fits, middle, strict=True) if whole or is_column
+        }
+    placed = seen_in_part([fitted[k] for k in order], by_design)
+    for candidate, leg in zip(members, placed, strict=True):
         sigma = leg.position_sigma
         if sigma is not None and sigma <= LARGEST_SIGMA:
             legs.append(leg)
@@ -116,12 +121,12 @@ def refine(
     return Refined(legs, unsure, beam, bias)
 
 
-def seen_in_part(groups: list[list[Leg]], central: AbstractSet[Leg] = frozenset()) -> list[Leg]:
+def seen_in_part(groups: list[list[Leg]], by_design: AbstractSet[Leg] = frozenset()) -> list[Leg]:
     """Widen the places of legs that differ in size from at least two that are alike.
 
     Legs of a table are made alike: one that differs was probably seen in part, as beside a wall.
     Then its middle may be off by half of what was not seen. A panel is not made like the legs, nor
-    is a column, one of the ``central`` legs. The legs come out in their order.
+    are those that differ ``by_design``. The legs come out in their order.
     """
     usual = max(groups, key=len)
     if len(usual) < 2:
@@ -131,11 +136,21 @@ def seen_in_part(groups: list[list[Leg]], central: AbstractSet[Leg] = frozenset(
         for leg in group:
             hidden = max(abs(end(_sizes(leg)) - end(_sizes(usual[0]))) for end in (min, max))
             own = leg.position_sigma
-            other = leg in central or _is_panel(leg, usual[0])
+            other = leg in by_design or _is_panel(leg, usual[0])
             if group is not usual and own is not None and not other:
                 leg = replace(leg, position_sigma=float(np.hypot(own, hidden / 2)))
             legs.append(leg)
     return legs
+
+
+def _is_seen_all_round(candidate: LegCandidate) -> bool:
+    """Tell whether no quarter of a thing's silhouettes is missing, as of one beside a wall."""
+    if candidate.evidence is None or not len(candidate.evidence.normal):
+        return False
+    x, y = candidate.evidence.normal.T
+    sides = np.sort(np.arctan2(y, x))
+    gaps = np.diff(np.append(sides, sides[0] + 2 * np.pi))
+    return bool(gaps.max() < np.pi / 2)
 
 
 def _is_panel(leg: Leg, usual: Leg) -> bool:

@@ -123,6 +123,18 @@ def test_a_column_between_four_legs_is_one_of_them(width: float) -> None:
     assert "accuracy.unsure_legs" not in _codes(legs)
 
 
+@pytest.mark.parametrize("width", [0.03, 0.12])
+def test_a_pair_between_four_legs_is_placed_as_surely(width: float) -> None:
+    """Two legs of another size, seen from all sides, are not half hidden: they differ by design."""
+    scene, truth = _table()
+    pair = TABLE.apply(np.array([[0.0, 0.37], [0.0, -0.37]]))
+    scene.circles = [(x, y, width / 2) for x, y in pair]
+    legs = legs_of(scene, with_depth=True)
+    assert len(legs.legs) == 6
+    assert errors_of(legs, np.vstack([truth, pair])).max() < 0.004
+    assert all(leg.position_sigma and leg.position_sigma < 0.004 for leg in legs.legs)
+
+
 def test_legs_that_splay_are_followed_up_to_the_top() -> None:
     """Feet 16 cm outside of the upper ends: the views see through above them, and follow them."""
     scene, truth = _table()
