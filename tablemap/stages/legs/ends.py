@@ -195,7 +195,8 @@ def _leaning(on: Bools, off: Floats, aside: Floats, up: Floats) -> tuple[float, 
     if not count:
         return 0.0, 0.0
     row, column = np.nonzero((labels == 1 + np.bincount(labels[labels > 0])[1:].argmax()) & on)
-    if np.ptp(up[row]) < _TELLING:
+    # The middle of a wide gap is bridged and touches neither end: such a piece shows nothing.
+    if len(row) == 0 or np.ptp(up[row]) < _TELLING:
         return 0.0, 0.0
     lines = np.polyfit(up[row], np.column_stack([aside[column], off[row, column]]), 1)[0]
     sideways, deeper = np.clip(lines, -_LEAN, _LEAN)

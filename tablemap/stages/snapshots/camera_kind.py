@@ -6,7 +6,8 @@ depth is a comb, of the same pitch at all distances; where the depth image bends
 differs from one part of the image to the next. So the comb's frequency is looked for in blocks.
 Without a comb the noise tells: that of a triangulation grows with the square of the distance, that
 of a time-of-flight camera is less, and grows about linearly, more where dark or slanted surfaces
-are the far ones.
+are the far ones. A driver that averages over neighbours lowers any camera's noise and hides its
+comb; neighbours then share their noise, which does not tell time of flight.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ _FEWEST_SLABS, _LEAST_PIXELS = 5, 500
 _FINE = 0.0015  # metres: a step of the encoding, and none of the camera
 _COARSE = 0.008  # metres at two metres: eighths of a pixel at a projector's baseline
 _SQUARE = 1.5  # power of the distance
+_SMOOTHED = 0.7  # noise between next pixels as a share of all: .47 for a mean of three pixels
 _TIME_OF_FLIGHT = ((1.35, 0.006), (1.6, 0.0045))  # powers, and the most noise at two metres, metres
 
 
@@ -42,7 +44,7 @@ def seen_camera(depths: Sequence[NDArray[np.float32]]) -> SeenCamera:
     rows = [row for depth in depths for row in _by_range(depth)]
     if not rows:
         return UNKNOWN_CAMERA
-    range_m, noise, step = np.array(rows).T
+    range_m, noise, step, rough = np.array(rows).T
     distances = np.unique(range_m)
     if len(distances) < _FEWEST_SLABS:
         return UNKNOWN_CAMERA
@@ -57,15 +59,17 @@ def seen_camera(depths: Sequence[NDArray[np.float32]]) -> SeenCamera:
     seen = SeenCamera(
         None, float(np.exp(at_one) * 2**power), float(power), at_two if comb is None else comb
     )
-    return replace(seen, kind=_kind(seen, comb is not None))
+    is_smoothed = bool(np.median(rough) < _SMOOTHED)
+    return replace(seen, kind=_kind(seen, has_comb=comb is not None, is_smoothed=is_smoothed))
 
 
-def _kind(seen: SeenCamera, has_comb: bool) -> DepthCamera | None:
+def _kind(seen: SeenCamera, *, has_comb: bool, is_smoothed: bool) -> DepthCamera | None:
     if has_comb:
         return "structured_light" if seen.step > _COARSE else "stereo"
     if seen.step > _FINE:
         return None
-    if any(seen.power < power and seen.noise < most for power, most in _TIME_OF_FLIGHT):
+    little = any(seen.power < power and seen.noise < most for power, most in _TIME_OF_FLIGHT)
+    if little and not is_smoothed:
         return "time_of_flight"
     return "stereo" if seen.power > _SQUARE else None
 
@@ -110,8 +114,11 @@ _COMB_NEAREST, _COMB_FARTHEST = 1.0, 3.0  # metres: nearer, the millimetres of t
 _CLEAR = 0.3  # combs have .5 to .9; cameras without one .15 at most
 
 
-def _by_range(depth: NDArray[np.float32]) -> list[tuple[float, float, float]]:
-    """Return (range, noise, step) in metres of each slab of range that many pixels show."""
+def _by_range(depth: NDArray[np.float32]) -> list[tuple[float, float, float, float]]:
+    """Return (range, noise, step, roughness) of each slab of range that many pixels show.
+
+    Metres; the roughness is the noise between next pixels as a share of the noise.
+    """
     slab = np.where(np.isfinite(depth), depth / SLAB_M, 0).astype(np.int32)
     steps = value_steps(depth, int(slab.max()) + 1)
     rows = depth[::2]
@@ -121,10 +128,14 @@ def _by_range(depth: NDArray[np.float32]) -> list[tuple[float, float, float]]:
     bend = np.abs(rows[:, : -2 * LAG_PX] - 2 * middle + rows[:, 2 * LAG_PX :])
     smooth = bend < 0.05 * middle  # NaN compares false
     bends, slabs = bend[smooth], slab[::2, LAG_PX:-LAG_PX][smooth]
+    left, right = rows[:, LAG_PX - 1 : -LAG_PX - 1], rows[:, LAG_PX + 1 : 1 - LAG_PX]
+    next_bends = (left - 2 * middle + right)[smooth]
     found = []
     for k in range(int(_NEAREST / SLAB_M), min(int(_FARTHEST / SLAB_M), len(steps))):
         own = bends[slabs == k]
         if len(own) >= _LEAST_PIXELS:
             sigma = mad_sigma(own) / np.sqrt(6)
-            found.append(((k + 0.5) * SLAB_M, float(sigma), float(steps[k])))
+            near = next_bends[(slabs == k) & np.isfinite(next_bends)]
+            rough = mad_sigma(near) / np.sqrt(6) / sigma if sigma > 0 and len(near) else 1.0
+            found.append(((k + 0.5) * SLAB_M, float(sigma), float(steps[k]), float(rough)))
     return found

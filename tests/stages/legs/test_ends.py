@@ -11,7 +11,7 @@ from shapely.geometry import Polygon
 
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.legs import Legs
-from tablemap.stages.legs.ends import UpperEnd, upper_end
+from tablemap.stages.legs.ends import UpperEnd, _leaning, upper_end
 from tablemap.stages.legs.layout import Frame
 from tests.making.leg_scenes import ROOM, TABLE, Scene, drive, errors_of, four, legs_of
 
@@ -183,3 +183,11 @@ def test_missing_depth_above_a_post_says_nothing() -> None:
 def test_views_must_agree_on_an_end(end: UpperEnd, below: bool, at_top: bool) -> None:
     """Two views show a gap unless others saw the thing go on; to the top is to its last 6 cm."""
     assert (end.is_below, end.is_at_top) == (below, at_top)
+
+
+def test_rows_too_few_and_too_far_apart_lean_nowhere() -> None:
+    """What is bridged in the middle of a wide gap is larger here than what was seen."""
+    on = np.zeros((14, 1), dtype=bool)
+    on[[2, 10]] = True
+    off, up = np.full(on.shape, 0.01), 0.01 * np.arange(14)
+    assert _leaning(on, off, np.zeros(1), up) == (0.0, 0.0)
