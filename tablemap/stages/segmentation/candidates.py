@@ -55,6 +55,7 @@ def rank_tables(views: list[SampledView], config: SegmentationConfig) -> tuple[T
             candidate = _weigh(_uncovered(group, carried, views), config)
         rise = min((thing.height - group.height for thing in carried), default=None)
         weighed.append(replace(candidate, rise=rise))
+    weighed = [_at_a_table(candidate, weighed) for candidate in weighed]
     candidates = sorted(weighed, key=lambda c: -c.weight)
     best = replace(candidates[0], chosen=True)
     return (best, *candidates[1:_MOST_CANDIDATES])
@@ -87,6 +88,35 @@ def _lying_on(candidate: TableCandidate, lower: TableCandidate) -> TableCandidat
     reason = f"it lies on a surface that is {lower.height:.2f} m high"
     reasons = "; ".join(each for each in (candidate.reason, reason) if each)
     return replace(candidate, weight=_ON_WEIGHT * candidate.weight, reason=reasons)
+
+
+def _at_a_table(candidate: TableCandidate, others: list[TableCandidate]) -> TableCandidate:
+    """Lower the weight of a seat: a small or doubtful surface beside the larger top of a table.
+
+    A camera that looks at the table from near by sees all of a seat, while the larger top is cut by
+    the image's border. So the seat would be the better seen one.
+    """
+    if candidate.reason is None and candidate.area > _SEAT_AREA:
+        return candidate
+    mine = shapely.Polygon(candidate.hull)
+    for other in others:
+        rise = other.height - candidate.height
+        is_table = other.reason is None and other.area > _TABLE_AREAS * candidate.area
+        if not (is_table and _SEAT_UNDER[0] < rise < _SEAT_UNDER[1]):
+            continue
+        if mine.distance(shapely.Polygon(other.hull)) < _SEAT_BESIDE:
+            weight = _SEAT_WEIGHT * candidate.weight
+            if candidate.reason is None:
+                return replace(candidate, weight=weight)
+            beside = f"it lies as a seat does beside a larger surface, {other.height:.2f} m high"
+            return replace(candidate, weight=weight, reason=f"{candidate.reason}; {beside}")
+    return candidate
+
+
+_SEAT_UNDER = (0.15, 0.45)  # metres from a seat up to the top of its table
+_SEAT_BESIDE = 0.5  # metres from the table: chairs are pushed back
+_SEAT_AREA = 0.28  # square metres: a larger surface, against which nothing speaks, is no seat
+_TABLE_AREAS, _SEAT_WEIGHT = 2.0, 0.3
 
 
 def _uncovered(group: Group, carried: list[Group], views: list[SampledView]) -> Group:

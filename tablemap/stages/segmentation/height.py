@@ -215,7 +215,7 @@ def _lowest_level(
     heights = mode - _LEVELS_M + (peaks + 0.5) * _FINE_M
     doubtful = None
     for k in range(len(peaks) - 1):
-        if not _shows_both(together, int(peaks[k]), int(peaks[k + 1])):
+        if not shows_both(together, int(peaks[k]), int(peaks[k + 1])):
             continue
         low, high = float(heights[k]), float(heights[k + 1])
         if _is_round(seen, low, high):
@@ -225,14 +225,17 @@ def _lowest_level(
     return _Level(mode, other=doubtful)
 
 
-def _shows_both(shares: Floats, low: int, high: int) -> bool:
-    """Tell whether most views (n, bins) have two levels with a gap between them."""
+def shows_both(shares: Floats, low: int, high: int) -> bool:
+    """Tell whether most views (n, bins) have two levels with a gap between them.
+
+    Both must be levels of that view: not a few stray pixels beside a far larger level of its own.
+    """
     near = max(1, (high - low) // 3)
     lower = shares[:, max(low - near, 0) : low + near + 1].max(axis=1)
     upper = shares[:, high - near : high + near + 1].max(axis=1)
     smaller = np.minimum(lower, upper)
     gap = shares[:, low : high + 1].min(axis=1)
-    both = (smaller > _LEAST_SHARE * np.maximum(lower, upper)) & (gap < _GAP_SHARE * smaller)
+    both = (smaller > _LEAST_SHARE * shares.max(axis=1)) & (gap < _GAP_SHARE * smaller)
     return int(both.sum()) >= max(_LEAST_VIEWS, len(shares) / 2)
 
 
