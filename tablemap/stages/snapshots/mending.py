@@ -115,17 +115,19 @@ def _planes(around: Floats, noise: DepthNoise) -> tuple[Floats, Bools]:
     pair = known[:, :_PAIRS] & known[:, _PAIRS:]
     # Each pair's mean is the plane's value; the median of the means bears outliers.
     means = np.where(pair, (values[:, :_PAIRS] + values[:, _PAIRS:]) / 2, np.nan)
-    means[~pair.any(axis=1)] = 1.0
-    middle = np.nanmedian(means, axis=1)
+    middle = _middle_of(means, pair.sum(axis=1))
     allowance = _allowance(middle, noise)
     used = known.copy()
-    for _ in range(3):
-        level, slope = _fitted(values, used)
-        off = np.where(known, np.abs(values - level[:, None] - slope @ _STEPS.T), 0.0)
-        worst = np.max(np.where(used, off, 0.0), axis=1)
-        used = known & (off <= np.maximum(allowance, worst / 2)[:, None])
     level, slope = _fitted(values, used)
-    off = np.where(known, np.abs(values - level[:, None] - slope @ _STEPS.T), 0.0)
+    off = _off_plane(values, known, level, slope)
+    for _ in range(3):
+        worst = np.max(np.where(used, off, 0.0), axis=1)
+        kept = known & (off <= np.maximum(allowance, worst / 2)[:, None])
+        # Most pixels lie on a plane at once: only the others are fitted again.
+        again = np.flatnonzero((kept != used).any(axis=1))
+        used = kept
+        level[again], slope[again] = _fitted(values[again], used[again])
+        off[again] = _off_plane(values[again], known[again], level[again], slope[again])
     close = known & (off <= allowance[:, None])
     agree = close.sum(axis=1) >= _LEAST_AGREE * known.sum(axis=1)
     agree &= (close[:, :_PAIRS] & close[:, _PAIRS:]).sum(axis=1) >= _LEAST_PAIRS
@@ -133,6 +135,20 @@ def _planes(around: Floats, noise: DepthNoise) -> tuple[Floats, Bools]:
     touching = (known & ~close)[:, _TOUCHING].sum(axis=1)
     agree &= (touching <= 1) & (np.abs(level - middle) <= allowance)
     return level, agree
+
+
+def _middle_of(values: Floats, counts: Ints) -> Floats:
+    """Return the medians (n,) of rows (n, k) with so many values (n,), the rest NaN; 1 of none."""
+    ordered = np.sort(values, axis=1)  # NaN comes last
+    ordered[counts == 0] = 1.0
+    most, row = np.maximum(counts, 1), np.arange(len(counts))
+    middle: Floats = (ordered[row, (most - 1) // 2] + ordered[row, most // 2]) / 2
+    return middle
+
+
+def _off_plane(values: Floats, known: Bools, level: Floats, slope: Floats) -> Floats:
+    """Return by how much the known values (n, 24) differ from planes."""
+    return np.where(known, np.abs(values - level[:, None] - slope @ _STEPS.T), 0.0)
 
 
 def _fitted(values: Floats, used: Bools) -> tuple[Floats, Floats]:
