@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tablemap.geometry import Bools, Floats, Ints
+from tablemap.masks import counted, grown
 from tablemap.stages.snapshots.noise import DepthNoise, depth_noise
 
 _Pixel = TypeVar("_Pixel", bound=np.generic)
@@ -46,12 +47,17 @@ def mended(depth: NDArray[np.float32]) -> NDArray[np.float32]:
     padded = np.pad(inverse, _REACH_PX, constant_values=np.nan)
     outliers = _outliers(padded, depth, noise)
     padded[outliers[0] + _REACH_PX, outliers[1] + _REACH_PX] = np.nan
+    mended_inverse = padded[_REACH_PX:-_REACH_PX, _REACH_PX:-_REACH_PX]
+    near = np.ones(depth.shape, dtype=bool)
     for done in range(_PASSES):
-        rows, columns, values = _fillings(padded, noise)
+        rows, columns, values = _fillings(padded, near, noise)
         if done == 0 and len(rows) < _LEAST_SHARE * depth.size:
             return depth
-        padded[rows + _REACH_PX, columns + _REACH_PX] = values
-    mended_inverse = padded[_REACH_PX:-_REACH_PX, _REACH_PX:-_REACH_PX]
+        mended_inverse[rows, columns] = values
+        # Only what is filled changes what is said of pixels near it.
+        near[:] = False
+        near[rows, columns] = True
+        near = grown(near, 2 * _REACH_PX + 1)
     result = depth.copy()
     changed = np.isfinite(mended_inverse) != np.isfinite(depth)
     changed[outliers] = True
@@ -83,24 +89,23 @@ def _outliers(
 
 
 def _fillings(
-    padded: NDArray[np.float32], noise: DepthNoise
+    padded: NDArray[np.float32], near: Bools, noise: DepthNoise
 ) -> tuple[Ints, Ints, NDArray[np.float32]]:
-    """Return the rows, columns and inverse depths of missing pixels that are surrounded."""
-    known = np.isfinite(padded)
-    middle = known[_REACH_PX:-_REACH_PX, _REACH_PX:-_REACH_PX]
-    pairs, touching = np.zeros((2, *middle.shape), dtype=np.uint8)
-    for down, right in _HALF:
-        one, other = _shifted(known, down, right), _shifted(known, -down, -right)
-        pairs += one & other
-        if max(abs(down), abs(right)) == 1:
-            touching += one
-            touching += other
-    surrounded = (pairs >= _LEAST_PAIRS) & (touching >= _LEAST_TOUCHING)
-    rows, columns = np.nonzero(~middle & surrounded)
+    """Return the rows, columns and inverse depths of missing pixels that are surrounded.
+
+    ``near`` is a mask (height, width) of those that are looked at.
+    """
+    known = np.isfinite(padded)[_REACH_PX:-_REACH_PX, _REACH_PX:-_REACH_PX]
+    touched = counted(known, 3) >= _LEAST_TOUCHING
+    rows, columns = np.nonzero(near & ~known & touched)
     values = np.full(len(rows), np.nan, dtype=np.float32)
     for block in _blocks(len(rows)):
-        plane, agree = _planes(_around(padded, rows[block], columns[block]), noise)
-        values[block] = np.where(agree, plane, np.nan)
+        around = _around(padded, rows[block], columns[block])
+        held = np.isfinite(around)
+        pairs = (held[:, :_PAIRS] & held[:, _PAIRS:]).sum(axis=1)
+        surrounded = np.flatnonzero(pairs >= _LEAST_PAIRS)
+        plane, agree = _planes(around[surrounded], noise)
+        values[block][surrounded] = np.where(agree, plane, np.nan)
     good = np.isfinite(values)
     return rows[good], columns[good], values[good]
 
