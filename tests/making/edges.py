@@ -83,6 +83,17 @@ def rounded(table: Table, radius: float) -> Table:
     return replace(table, outline=ring, corner_radius=radius)
 
 
+def cut_off(table: Table, size: float) -> Table:
+    """Cut the corners that point outward off a table: ``size`` metres of both sides."""
+    corners = []
+    before, after = np.roll(table.outline, 1, axis=0), np.roll(table.outline, -1, axis=0)
+    for here, last, following in zip(table.outline, before, after, strict=True):
+        back, ahead = ((to - here) / np.linalg.norm(to - here) for to in (last, following))
+        is_outward = back[1] * ahead[0] - back[0] * ahead[1] > 0
+        corners += [here + size * back, here + size * ahead] if is_outward else [here]
+    return Table("polygon", {}, np.array(corners), table.pose)
+
+
 def stadium_table(length: float, width: float, pose: Pose2) -> Table:
     """Make a rectangle with half circles for its ends."""
     middle = shapely.LineString([((width - length) / 2, 0), ((length - width) / 2, 0)])

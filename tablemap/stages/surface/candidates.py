@@ -18,6 +18,7 @@ from tablemap.stages.surface.choice import (
     dispersion_of,
     estimate_noise,
 )
+from tablemap.stages.surface.cuts import chamfered, seems_round
 from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.joint import (
     Anchor,
@@ -113,6 +114,17 @@ def fit_candidates(
             if fit.shape.is_told(spread_of(fit, evidence, config).covariance, config)
         ]
 
+    def cut(sharp: list[JointFit]) -> list[JointFit]:
+        """Cut the corners of fitted shapes where that explains the points better."""
+        return [
+            fully(found)
+            for fit in sharp
+            for found in quickly(
+                [replace(fit.state, shape=start) for start in chamfered(fit, coarse, config)],
+                (wide[1], *narrow),
+            )
+        ]
+
     starts = generators(evidence, config, random)
     quick: dict[type[Shape], list[JointFit]] = {}
     for kind in PRIMITIVES:
@@ -150,7 +162,8 @@ def fit_candidates(
         _settle(replace(nuisances, shape=fit.shape), evidence, config, (wide[1], *narrow), assumed)
         for fit in promising[:_MOST_POLYGONS]
     ]
-    return _weighed([*primitive, polygonal, rounded(promising)], evidence, config, assumed)
+    cuts = cut([*quick.get(Rectangle, []), *promising[:_MOST_POLYGONS]])
+    return _weighed([*primitive, polygonal, rounded(promising), cuts], evidence, config, assumed)
 
 
 def _seems_round(sharp: Sided, state: State, evidence: Evidence, config: SurfaceConfig) -> bool:
@@ -210,7 +223,9 @@ def _weighed(
                 state = _normalised(fit).state
                 fit = _settle(state, evidence, config, (config.loss_sigmas,), noise)
             candidate = _candidate(fit, evidence, config)
-            if _is_supported(candidate, evidence, config):
+            if _is_supported(candidate, evidence, config) and not seems_round(
+                fit, evidence, config
+            ):
                 refined.append(candidate)
         if refined:
             candidates.append(min(refined, key=lambda candidate: candidate.cost))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tablemap.config import SurfaceConfig
+from tablemap.stages.surface.shapes.chamfered import Chamfered
 from tablemap.stages.surface.shapes.curved import Circle, Ellipse
 from tablemap.stages.surface.shapes.rounded import Rounded
 from tablemap.stages.surface.shapes.shape import Shape, area, signed_distance
@@ -29,12 +30,14 @@ def _rounded(sharp: Sided, radius: float) -> Rounded:
     return Rounded(np.append(sharp.parameters, radius), sharp)
 
 
+def _cut(sharp: Sided, size: float, which: tuple[int, ...]) -> Chamfered:
+    is_cut = np.isin(np.arange(len(sharp.corners)), which)
+    return Chamfered(np.append(sharp.parameters, size), sharp, is_cut)
+
+
 def _name(shape: Shape) -> str:
-    return (
-        f"Rounded{type(shape.kind).__name__}"
-        if isinstance(shape, Rounded)
-        else type(shape).__name__
-    )
+    own = type(shape).__name__
+    return own + type(shape.kind).__name__ if isinstance(shape, Rounded | Chamfered) else own
 
 
 SHAPES: list[Shape] = [
@@ -48,6 +51,10 @@ SHAPES: list[Shape] = [
     _rounded(Parallelogram(np.array([0.1, -0.2, 0.7, 1.2, 0.8, 1.3])), 0.1),
     _rounded(L_SHAPE, 0.05),
     _rounded(TRIANGLE, 0.08),
+    _cut(Rectangle(np.array([0.1, -0.2, 0.7, 1.2, 0.8])), 0.06, (0, 1, 2, 3)),
+    _cut(Parallelogram(np.array([0.1, -0.2, 0.7, 1.2, 0.8, 1.3])), 0.1, (1, 2)),
+    _cut(L_SHAPE, 0.05, (0, 2, 5)),
+    _cut(TRIANGLE, 0.08, (0, 1, 2)),
     Stadium(np.array([0.1, -0.2, 0.7, 1.2, 0.8])),
     L_SHAPE,
     TRIANGLE,

@@ -25,7 +25,12 @@ from tablemap.stages.surface.shapes.sides import (
 
 @dataclass(frozen=True, eq=False)
 class Sided(Shape):
-    """A polygon whose sides are lines ``n(angle) . p = offset`` with outward normal n."""
+    """A polygon whose sides are lines ``n(angle) . p = offset`` with outward normal n.
+
+    A point belongs to no side whose normal is farther from its own than ``least_facing`` (cosine).
+    """
+
+    least_facing = 0.5
 
     @cached_property
     @abstractmethod
@@ -62,7 +67,7 @@ class Sided(Shape):
         first = np.sum(start * tangent, axis=1)
         last = np.sum(end * tangent, axis=1)
         excess = np.maximum(np.maximum(first - along, along - last), 0.0)
-        mismatch = normals @ outward.T < 0.5
+        mismatch = normals @ outward.T < self.least_facing
         reach = np.hypot(distance, excess) + 1e3 * mismatch
         side = np.argmin(reach, axis=1)
         picked = np.arange(len(points)), side
