@@ -22,7 +22,8 @@ _STEPS = np.array(_HALF + [(-down, -right) for down, right in _HALF])  # (24, 2)
 _PAIRS = len(_HALF)
 _TOUCHING = np.abs(_STEPS).max(axis=1) == 1
 
-_LEAST_SHARE = 0.002  # of the image's pixels; fewer do no harm
+_PART_PX, _FEW = 32, 0.2  # parts of the image, and the share of them that may have fewer
+_LEAST_SHARE = 0.005  # of a part's pixels; fewer do no harm
 _LEAST_PAIRS = 6  # of twelve; the corner of a larger hole has four, its straight border two
 _LEAST_TOUCHING = 3  # of eight; the middle of a hole of three by three has none
 _PASSES = 3  # a pixel with few measured neighbours is filled once these are
@@ -38,8 +39,8 @@ def mended(depth: NDArray[np.float32]) -> NDArray[np.float32]:
     A pixel is an outlier if nearly all of its neighbours lie on one plane and it does not: it
     counts as missing. A missing pixel is filled if its neighbours surround it and lie on one plane.
     So a hole of three or more pixels across stays as it is, and so does every pixel at a depth
-    step. An image with hardly any bad pixel stays as it was recorded. The inverse depth of a plane
-    is linear in the image, and is what is compared.
+    step. An image whose bad pixels are few, or in places, stays as it was recorded. The inverse
+    depth of a plane is linear in the image, and is what is compared.
     """
     noise = depth_noise(depth)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -51,7 +52,7 @@ def mended(depth: NDArray[np.float32]) -> NDArray[np.float32]:
     near = np.ones(depth.shape, dtype=bool)
     for done in range(_PASSES):
         rows, columns, values = _fillings(padded, near, noise)
-        if done == 0 and len(rows) < _LEAST_SHARE * depth.size:
+        if done == 0 and _usual_share(depth, rows, columns) < _LEAST_SHARE:
             return depth
         mended_inverse[rows, columns] = values
         # Only what is filled changes what is said of pixels near it.
@@ -63,6 +64,22 @@ def mended(depth: NDArray[np.float32]) -> NDArray[np.float32]:
     changed[outliers] = True
     result[changed] = 1 / mended_inverse[changed]
     return result
+
+
+def _usual_share(depth: NDArray[np.float32], rows: Ints, columns: Ints) -> float:
+    """Return the share of bad pixels that all but a few parts of an image have.
+
+    A driver or low light loses pixels all over the image; at a glance, pixels are lost in places,
+    and the more the farther: there, the end of what was filled would look like an end of the top.
+    """
+    shape = -(-np.array(depth.shape) // _PART_PX)
+    bad = np.zeros(shape, dtype=np.int64)
+    np.add.at(bad, (rows // _PART_PX, columns // _PART_PX), 1)
+    known = np.zeros(shape, dtype=np.int64)
+    measured = np.nonzero(np.isfinite(depth))
+    np.add.at(known, (measured[0] // _PART_PX, measured[1] // _PART_PX), 1)
+    told = known > _PART_PX**2 // 2
+    return float(np.quantile(bad[told], _FEW) / _PART_PX**2) if told.any() else 0.0
 
 
 def _outliers(

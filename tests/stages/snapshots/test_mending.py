@@ -11,6 +11,7 @@ from tablemap.stages.snapshots.mending import mended
 Depth = NDArray[np.float32]
 EDGE = 160  # column of the depth step
 NOISE_M = 0.002
+LOOKED_AT = slice(85, 140), slice(45, 115)
 
 
 def scene(*, seed: int = 0) -> tuple[Depth, Depth]:
@@ -43,9 +44,11 @@ def test_no_pixel_is_filled_from_beyond_a_depth_step() -> None:
 
 
 def with_salt(depth: Depth) -> Depth:
-    """Lose every seventh pixel of the image's lower part: enough that the image is mended."""
+    """Lose single pixels all over the image, most of them below, but for where tests look."""
     salted = depth.copy()
     salted[210::3, ::7] = np.nan
+    salted[2:210:9, 4::9] = np.nan
+    salted[LOOKED_AT] = depth[LOOKED_AT]
     return salted
 
 
@@ -64,7 +67,7 @@ def test_larger_holes_keep_their_size(across: int) -> None:
     depth, _ = scene()
     depth[100 : 100 + across, 60 : 60 + across] = np.nan
     result = mended(with_salt(depth))
-    assert np.array_equal(result[:200], depth[:200], equal_nan=True)
+    assert np.array_equal(result[LOOKED_AT], depth[LOOKED_AT], equal_nan=True)
 
 
 def test_wrong_single_pixels_take_the_depth_of_their_neighbours() -> None:
@@ -94,3 +97,11 @@ def test_an_image_with_hardly_any_bad_pixel_stays_as_it_is() -> None:
     depth, _ = scene()
     coarse = (np.round(depth / 0.02) * 0.02).astype(np.float32)
     assert np.array_equal(mended(coarse), coarse)
+
+
+def test_pixels_that_are_lost_in_places_stay_lost() -> None:
+    """At a glance and far away most are lost: what is filled there would end within the top."""
+    depth, _ = scene()
+    rng = np.random.default_rng(4)
+    depth[:80][rng.random((80, 320)) < np.linspace(0.6, 0.0, 80)[:, None]] = np.nan
+    assert np.array_equal(mended(depth), depth, equal_nan=True)
