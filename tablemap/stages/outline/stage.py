@@ -106,7 +106,8 @@ def find_edges(
 
     faces = _faces(traced, height, config, sensors)
     thickness = joint_thickness(faces, sensors.surface_depth_sigma, config=config)
-    rim = None if thickness is None else joint_rim(faces, sensors.surface_depth_sigma)
+    apart = float(np.hypot(sensors.surface_depth_sigma, _rounding_sigma(traced)))
+    rim = None if thickness is None else joint_rim(faces, apart)
     labels = {view.index: view.labels for view in used}
     views: list[ViewEdges] = []
     for item in traced:
@@ -159,6 +160,22 @@ def find_edges(
         camera=camera,
         turns=_turns(calibration, used),
     )
+
+
+def _rounding_sigma(traced: list[_TracedView]) -> float:
+    """Return the error of a face's depth by the steps between depth values, metres.
+
+    A face has one or two depth values, so that its rounding does not average out as a top's does.
+    """
+    sigmas = []
+    for item in traced:
+        middle = float(np.median(item.seen.depth[item.seen.top])) if item.seen.top.any() else 1.0
+        step = item.snapshot.noise.step(middle)
+        sigmas.append(step / np.sqrt(12) if step > _COARSE_STEP * middle else 0.0)
+    return float(np.median(sigmas)) if sigmas else 0.0
+
+
+_COARSE_STEP = 0.006  # of the distance; a disparity's steps are finer, and images are averaged
 
 
 def _check_rim(views: Sequence[ViewEdges]) -> None:

@@ -25,16 +25,22 @@ class DepthNoise:
     - ``sigmas``: (slabs,) standard deviation of a depth in each slab, metres
     - ``coarse_step``: step between depth values, metres, if it is coarse, else 0; steps of a
       disparity, up to a percent of the range, are not coarse: their rounding errors average out
+    - ``steps``: (slabs,) the step between the depth values of each slab, metres, 0 where it is fine
     """
 
     sigmas: NDArray[np.float32]
     coarse_step: float
+    steps: NDArray[np.float32]
 
     def sigma(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the standard deviation (...) of depths (...) of the image, NaN where missing."""
         per_pixel: NDArray[np.float32] = self.sigmas.take(_slabs(depth), mode="clip")
         per_pixel[~np.isfinite(depth)] = np.nan
         return per_pixel
+
+    def step(self, depth: float) -> float:
+        """Return the step between depth values at a depth, metres."""
+        return float(self.steps[min(int(depth / SLAB_M), len(self.steps) - 1)])
 
 
 def depth_noise(depth: NDArray[np.float32]) -> DepthNoise:
@@ -64,7 +70,7 @@ def depth_noise(depth: NDArray[np.float32]) -> DepthNoise:
     sigmas = np.sqrt(sigmas**2 + steps**2 / 12 + LEAST_SIGMA_M**2)
     pixels = np.bincount(slab.ravel(), minlength=count)
     pixels[0] -= np.count_nonzero(np.isnan(depth))
-    return DepthNoise(sigmas, _coarse_step(steps, pixels))
+    return DepthNoise(sigmas, _coarse_step(steps, pixels), steps)
 
 
 def _axial_noise(depth: NDArray[np.float32]) -> NDArray[np.float32]:

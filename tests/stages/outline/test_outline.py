@@ -140,6 +140,19 @@ def test_a_face_that_reads_nearer_is_no_round_rim() -> None:
     assert rim[1] == pytest.approx(np.hypot(RIM_SIGMA_M, 0.002))
 
 
+def test_depth_in_steps_of_centimetres_shows_no_round_rim() -> None:
+    """A face of one or two depth values may seem to lie millimetres outside of a sharp edge."""
+    for seed in range(3):
+        coarse = outline_of(Scene(TOP, steps=0.02), LOW_CAMERA, HIGH_CAMERA, seed=seed)
+        assert coarse.rim is not None
+        assert coarse.rim_sigma is not None
+        assert coarse.rim_sigma > 0.004
+        assert abs(coarse.rim) < 2 * coarse.rim_sigma
+    fine = outline_of(Scene(TOP), LOW_CAMERA, HIGH_CAMERA)
+    assert fine.rim_sigma is not None
+    assert fine.rim_sigma < 0.001
+
+
 def test_apron_is_not_the_thickness() -> None:
     """An apron set back by 3 cm does not count as side face."""
     scene = Scene(TOP, (Box(1.3, 0.1, 0.74, 0.64, 0.62, 0.72, 0.3),))
