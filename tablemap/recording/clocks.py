@@ -34,6 +34,12 @@ _STILL_S = 0.2  # an image at a stop is so far from the motion
 _STILL_M = 0.01  # metres, or half a radian, within this time
 _LEAST_IMAGES = 3
 _ARM = 0.5  # metres for a radian
+# Where the log's times tell nothing, as in a converted log, the motion must tell it clearly.
+_FARTHEST_S, _SEARCH_STEP_S = 10.0, 0.1
+_FITS_WELL, _FITS_BETTER = 0.8, 0.25  # correlation that proves an offset, and more than without
+_SURE_S = 0.05  # sigma of an offset that is proved so
+_FEWEST_STOPS = 6  # of images: fewer stand by chance at some offset
+_BETWEEN_STOPS_S = 1.0
 
 
 @dataclass
@@ -173,6 +179,55 @@ def offset_by_change(
     return ShownOffset(whole, sigma)
 
 
+@dataclass(frozen=True)
+class OffsetBesideLog:
+    """An offset by the motion alone, and whether no other one does nearly as well."""
+
+    seconds: float
+    is_sure: bool
+
+
+def offset_beside_log(
+    first_ns: Ints, second_ns: Ints, change: Floats, way: Way
+) -> OffsetBesideLog | None:
+    """Return the seconds that the motion shows though the log's times show none, or None.
+
+    The arguments are those of `offset_by_change`. None where the changes fit the motion as it is.
+    """
+    as_it_is = _fit(first_ns, second_ns, change, way, 0.0)
+    if len(change) < _FEWEST_CHANGES or as_it_is > 1.0 - _FITS_BETTER:
+        return None
+    tried = np.arange(-_FARTHEST_S, _FARTHEST_S + _SEARCH_STEP_S / 2, _SEARCH_STEP_S)
+    fits = np.array([_fit(first_ns, second_ns, change, way, each) for each in tried])
+    best = int(np.argmax(fits))
+    if fits[best] < max(_FITS_WELL, as_it_is + _FITS_BETTER):
+        return None
+    # Stops that follow each other evenly fit at several offsets.
+    far = fits[np.abs(tried - tried[best]) > _AROUND_S]
+    shown = offset_by_change(first_ns, second_ns, change, way, about_s=float(tried[best]))
+    if shown is None or fits[best] < float(np.max(far)) + _LEAST_GAIN:
+        return OffsetBesideLog(float(tried[best]), False)
+    return OffsetBesideLog(shown.seconds, shown.sigma < _SURE_S)
+
+
+def offset_of_stops(stamps_ns: Ints, way: Way) -> float | None:
+    """Return the offset at which all images were taken at stops, though now most were not.
+
+    None where images come all the time, or from few places, and where several offsets do.
+    """
+    begins = np.diff(stamps_ns) > _BETWEEN_STOPS_S * SECOND_NS
+    if int(begins.sum()) + 1 < _FEWEST_STOPS:
+        return None
+    if 2 * int(_stand(stamps_ns, way).sum()) > len(stamps_ns):
+        return None
+    tried = np.arange(-_FARTHEST_S, _FARTHEST_S + _SEARCH_STEP_S / 2, _SEARCH_STEP_S)
+    fits = np.array([stands_at(stamps_ns + round(each * SECOND_NS), way) for each in tried])
+    found = np.flatnonzero(fits)
+    if not len(found) or np.any(np.diff(found) > 1):
+        return None
+    return float(tried[found].mean())
+
+
 def _best_offset(
     first_ns: Ints, second_ns: Ints, change: Floats, way: Way, about_s: float
 ) -> float | None:
@@ -193,9 +248,14 @@ def _best_offset(
 
 def stands_at(stamps_ns: Ints, way: Way) -> bool:
     """Tell whether the robot stood round each of the stamps (n,), as at planned stops."""
+    return len(stamps_ns) >= _LEAST_IMAGES and bool(np.all(_stand(stamps_ns, way)))
+
+
+def _stand(stamps_ns: Ints, way: Way) -> Bools:
+    """Return round which of the stamps (n,) the robot is known to have stood."""
     around = round(_STILL_S * SECOND_NS)
     gone, known = way.between(stamps_ns - around, stamps_ns + around)
-    return len(stamps_ns) >= _LEAST_IMAGES and bool(np.all(known & (gone < _STILL_M)))
+    return known & (gone < _STILL_M)
 
 
 def _fit(first_ns: Ints, second_ns: Ints, change: Floats, way: Way, offset_s: float) -> float:

@@ -153,7 +153,12 @@ class Recording(SensorStreams):
             self._calibrations = self._calibrations.shifted(offset_ns)
         if laser is not None and self.names.laser is not None:
             scanner = ClockedSensor(
-                "laser", self.names.laser, "laser_clock_offset", self._laser, self._scan_pairs
+                "laser",
+                self.names.laser,
+                "laser_clock_offset",
+                self._laser,
+                self._scan_pairs,
+                is_cheap=True,
             )
             offset_ns = self._offset_ns(scanner, config.laser_clock_offset)
             if offset_ns:

@@ -16,7 +16,9 @@ from tablemap.recording.clocks import (
     ClockDifference,
     Way,
     difference,
+    offset_beside_log,
     offset_by_change,
+    offset_of_stops,
     stands_at,
 )
 from tablemap.recording.robot_poses import RobotPoses
@@ -43,6 +45,7 @@ class ClockedSensor:
     - ``setting``: name of the setting for its offset
     - ``stamped``: the stamps of its messages
     - ``changes``: decodes messages and compares them in pairs
+    - ``is_cheap``: whether it decodes them so fast that this is done without a suspicion
     """
 
     what: str
@@ -50,6 +53,7 @@ class ClockedSensor:
     setting: str
     stamped: Stamped
     changes: Callable[[], Pairs]
+    is_cheap: bool = False
 
 
 @dataclass(frozen=True)
@@ -63,19 +67,15 @@ class Settled:
 def settled(sensor: ClockedSensor, robot: RobotPoses, collector: TransformCollector) -> Settled:
     """Return the offset of a sensor's clock where the motion shows it, or else what is open."""
     found = difference(sensor.stamped.lags_s(), tf_lags(robot.tree, robot.names, collector))
-    if found is None or not found.is_suspect:
-        return Settled(0.0, None)
     way = _way(robot, sensor.frame)
+    if found is None or not found.is_suspect:
+        return Settled(0.0, None) if way is None else _beside_log(sensor, way)
     if found.is_steady and way is not None:
         offset = _shown(sensor, way, found)
         if offset is not None and abs(offset) <= SUSPECT_S:
             return Settled(0.0, None)  # the messages take longer on their way, and no more
         if offset is not None:
-            message = (
-                f"The {sensor.what}'s clock is {_apart(offset)} that of TF, as the log and the "
-                f"motion show; its stamps were moved (--set topics.{sensor.setting}={offset:.3f})."
-            )
-            return Settled(offset, ProcessWarning("recording.clock", "recording", message))
+            return _moved(sensor, offset, "the log and the motion show")
     if not found.is_named:
         return Settled(0.0, ProcessWarning("recording.clock", "recording", _open(sensor, found)))
     return Settled(0.0, ProcessWarning("accuracy.clock", "recording", _doubt(sensor, found)))
@@ -116,6 +116,33 @@ def run_of(stamps_ns: Ints, most: int = _MOST_PAIRS) -> Ints:
     length = 24
     kept: Ints = stamps_ns[(np.arange(len(stamps_ns)) // length) % max(runs, 1) == 0]
     return kept
+
+
+def _moved(sensor: ClockedSensor, offset_s: float, shown: str) -> Settled:
+    message = (
+        f"The {sensor.what}'s clock is {_apart(offset_s)} that of TF, as {shown}; its stamps were "
+        f"moved (--set topics.{sensor.setting}={offset_s:.3f})."
+    )
+    return Settled(offset_s, ProcessWarning("recording.clock", "recording", message))
+
+
+def _beside_log(sensor: ClockedSensor, way: Way) -> Settled:
+    """Settle a clock by the motion alone, as for a log whose times are the stamps themselves."""
+    by_stops = offset_of_stops(sensor.stamped.stamps_ns, way)
+    shown = "the motion shows, though the log does not"
+    if by_stops is not None:
+        return _moved(sensor, by_stops, shown)
+    found = offset_beside_log(*sensor.changes(), way) if sensor.is_cheap else None
+    if found is None:
+        return Settled(0.0, None)
+    if found.is_sure:
+        return _moved(sensor, found.seconds, shown)
+    message = (
+        f"What the {sensor.what} sees does not change when TF says that the robot moves; its clock "
+        f"seems to be {_apart(found.seconds)} that of TF, but other times would do nearly as well: "
+        f"set the clocks (chrony, ptp), or say --set topics.{sensor.setting}={found.seconds:.1f}."
+    )
+    return Settled(0.0, ProcessWarning("accuracy.clock", "recording", message))
 
 
 def _shown(sensor: ClockedSensor, way: Way, found: ClockDifference) -> float | None:

@@ -12,8 +12,8 @@ import pytest
 
 from tablemap.config import TopicsConfig
 from tablemap.errors import RecordingError
-from tablemap.recording import inspect, open_recording
-from tablemap.recording.clocks import Lags, Way, offset_by_change, stands_at
+from tablemap.recording import Recording, inspect, open_recording
+from tablemap.recording.clocks import Lags, Way, offset_by_change, offset_of_stops, stands_at
 from tablemap.simulation import Scenario, simulate, write
 from tablemap.simulation.scenario import CameraSection, Robot, Table
 from tests.making.rewriting import DIALECTS, SECOND, Change, Dialect, Entry, restamped, rewrite
@@ -61,6 +61,71 @@ def test_the_lasers_clock_is_mended(
         stamps = [scan.stamp_ns for scan in recording.scans()]
         assert np.array_equal(stamps, recording.scan_stamps())
     assert warning.code in [each.code for each in inspect(path).warnings]
+
+
+def behind_with_log(seconds: float, *types: str) -> Change:
+    """Let stamps and log times of some types be so many seconds behind, as in a converted log."""
+
+    def change(entry: Entry) -> Iterable[Entry]:
+        if entry.type not in types:
+            return [entry]
+        shift_ns = -round(seconds * SECOND)
+        return [replace(restamped(entry, shift_ns), log_ns=entry.log_ns + shift_ns)]
+
+    return change
+
+
+@pytest.mark.parametrize(("seconds", "is_sure"), [(3.0, True), (-3.0, False), (1.0, True)])
+def test_a_lasers_clock_that_the_log_does_not_show(
+    tmp_path: Path, plain_recording: Path, seconds: float, is_sure: bool
+) -> None:
+    """A log whose times are the stamps shows no difference, and the motion alone does.
+
+    Where another offset fits the evenly spaced stops nearly as well, the clock is only named.
+    """
+    path = rewrite(plain_recording, tmp_path / "r.mcap", behind_with_log(seconds, "LaserScan"))
+    with open_recording(plain_recording) as plain, open_recording(path) as recording:
+        (warning,) = recording.warnings
+        assert warning.code == ("recording.clock" if is_sure else "accuracy.clock")
+        said = re.search(r"--set topics.laser_clock_offset=(-?[0-9.]+[0-9])", warning.message)
+        assert said is not None
+        assert float(said[1]) == pytest.approx(seconds, abs=0.15)
+        off = (recording.scan_stamps() - plain.scan_stamps()) / SECOND
+        assert np.abs(off - (0.0 if is_sure else -seconds)).max() < 0.1
+
+
+@pytest.mark.parametrize("seconds", [3.0, -3.0])
+def test_a_cameras_clock_that_the_log_does_not_show(
+    tmp_path: Path, plain_recording: Path, seconds: float
+) -> None:
+    """The images that were taken between the stops are moved to the stops."""
+    path = rewrite(plain_recording, tmp_path / "r.mcap", behind_with_log(seconds, *CAMERA))
+    with open_recording(plain_recording) as plain, open_recording(path) as recording:
+        (warning,) = recording.warnings
+        assert warning.code == "recording.clock"
+        assert "camera's clock" in warning.message
+        off = (recording.depth_stamps() - plain.depth_stamps()) / SECOND
+        assert np.abs(off).max() < 1.0
+        assert stands_at(recording.depth_stamps(), way_in(recording))
+
+
+def way_in(recording: Recording) -> Way:
+    """Return the way of the wheels, every fiftieth of a second."""
+    stamps = np.arange(recording.start_ns, recording.end_ns, SECOND // 50, dtype=np.int64)
+    return Way.of(stamps, *recording.odom_from_bases(stamps))
+
+
+def test_images_between_stops_have_no_offset_where_several_would_do() -> None:
+    """Nor do images that come all the time, or from few places."""
+    cycle = np.tile(np.concatenate([np.zeros(150), np.full(150, 0.004)]), 12)
+    stamps = np.arange(len(cycle), dtype=np.int64) * SECOND // 50
+    way = Way(stamps, np.cumsum(cycle), np.ones(len(cycle), bool))
+    # Six seconds a cycle, of which three stand; the images come in the middle of the drives.
+    driving = (np.arange(3, 9, dtype=np.int64) * 6 * SECOND) + 9 * SECOND // 2
+    assert not stands_at(driving, way)
+    assert offset_of_stops(driving, way) is None
+    assert offset_of_stops(driving[:3], way) is None
+    assert offset_of_stops(stamps[::10], way) is None
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
