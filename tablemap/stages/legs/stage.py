@@ -109,12 +109,7 @@ def find_legs(
         cells = np.unique(np.floor(evidence[:, :2] / 0.01), axis=0)
         evidence = (cells + 0.5) * 0.01
     if not legs:
-        warnings.append(
-            _warning(
-                "legs.none_found",
-                f"None of {counted(len(rejected) + len(refused), 'thing')} is a leg.",
-            )
-        )
+        warnings.append(_warning("legs.none_found", _none(len(rejected) + len(refused))))
     elif any(leg.status == "inferred" for leg in legs):
         warnings.append(
             _warning("legs.inferred", "A leg that no view could see was placed by symmetry.")
@@ -138,6 +133,16 @@ def find_legs(
         tuple(warnings),
         refined.beam_half_width,
         refined.range_bias,
+    )
+
+
+def _none(things: int) -> str:
+    """Say that no leg was found: none of the things under the top, or nothing was seen there."""
+    if things:
+        return f"None of {counted(things, 'thing')} is a leg."
+    return (
+        "Nothing upright was seen under the top, so that no leg is known; record views that look "
+        "at the table's corners, with the legs in the image."
     )
 
 

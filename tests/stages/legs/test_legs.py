@@ -190,7 +190,10 @@ def test_bare_floor_gives_a_warning_and_no_leg() -> None:
     """Nothing under the top: an empty result that says so."""
     legs = legs_of(Scene(table=TABLE, walls=ROOM), scans_between=0)
     assert legs.legs == ()
-    assert [warning.code for warning in legs.warnings] == ["legs.none_found"]
+    (warning,) = legs.warnings
+    assert warning.code == "legs.none_found"
+    assert "Nothing upright was seen" in warning.message
+    assert "record views" in warning.message
 
 
 def test_depth_alone_places_legs_to_a_centimetre() -> None:
