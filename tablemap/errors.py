@@ -88,7 +88,9 @@ WARNING_CODES: dict[str, str] = {
     ),
     "accuracy.few_views": "Too few views see the table to check one against another.",
     "accuracy.height_scatter": "The views disagree on the height of the top.",
-    "accuracy.two_levels": "A lower level lies within the top: a tray or a cloth may cover it.",
+    "accuracy.two_levels": (
+        "A lower level lies within the top, or round it: a tray, cloth or cushion may cover it."
+    ),
     "accuracy.calibration": (
         "By the floor, the camera's tilt or depth scale is implausible; it was left as recorded."
     ),

@@ -15,6 +15,7 @@ from tablemap.stages.legs.candidates import LegCandidate, find_candidates, judge
 from tablemap.stages.legs.depth import Reach, find_posts, reach
 from tablemap.stages.legs.ends import UpperEnd, upper_end
 from tablemap.stages.legs.layout import Frame, is_two_tables
+from tablemap.stages.legs.ledges import find_ledge
 from tablemap.stages.legs.missing import infer_missing
 from tablemap.stages.legs.posts import accept_posts
 from tablemap.stages.legs.result import Legs, RejectedCluster
@@ -126,6 +127,8 @@ def find_legs(
         surface.height.value,
     )
     warnings += [body.warning for body in bodies[:1]]
+    ledge = find_ledge(snapshots, poses, polygon, surface.height.value)
+    warnings += [ledge] if ledge is not None else []
     return Legs(
         tuple(legs),
         tuple(rejected + refused),
