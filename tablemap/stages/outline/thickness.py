@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tablemap.config import OutlineConfig
-from tablemap.geometry import Floats
+from tablemap.geometry import Floats, Ints
 from tablemap.robust import mad_sigma
 from tablemap.stages.outline.contour import Contour, PlacedContour
 from tablemap.stages.outline.occupancy import Occupancy
@@ -151,8 +151,28 @@ def joint_thickness(
     value = float(np.mean(drop[close]))
     # Ends along an edge are correlated: twenty count as one. A quarter pixel is systematic.
     scatter = float(np.std(drop[close])) / np.sqrt(max(close.sum() / 20, 1.0))
-    sigma = np.sqrt(scatter**2 + (0.25 * resolution) ** 2 + surface_depth_sigma**2)
+    of_view = np.repeat(np.arange(len(views)), [len(view.drop) for view in views])
+    apart = _between_views(drop[close], of_view[close], resolution)
+    systematic = (0.25 * resolution) ** 2 + surface_depth_sigma**2
+    sigma = np.sqrt(scatter**2 + apart**2 + systematic)
     return Thickness(value, float(sigma), resolution)
+
+
+def _between_views(drop: Floats, of_view: Ints, resolution: float) -> float:
+    """Return the sigma of the mean drop (metres) from what the views' own means differ by.
+
+    Few views hardly show their scatter: one more is assumed that is a pixel off.
+    """
+    count = np.bincount(of_view)
+    shown = count >= _LEAST_OF_VIEW
+    if not shown.any():
+        return resolution
+    means = (np.bincount(of_view, weights=drop) / np.maximum(count, 1))[shown]
+    total = resolution**2 + float(np.sum((means - means.mean()) ** 2))
+    return float(np.sqrt(total) / len(means))
+
+
+_LEAST_OF_VIEW = 5  # ends of a view whose mean tells something
 
 
 def joint_rim(

@@ -13,7 +13,12 @@ from tablemap.errors import EstimationError
 from tablemap.geometry import Bools
 from tablemap.stages.calibration import calibrate
 from tablemap.stages.outline import EdgeKind, Outline, ViewEdges, find_edges
-from tablemap.stages.outline.thickness import RIM_SIGMA_M, FaceEnds, joint_rim
+from tablemap.stages.outline.thickness import (
+    RIM_SIGMA_M,
+    FaceEnds,
+    joint_rim,
+    joint_thickness,
+)
 from tablemap.stages.segmentation import Label, Segmentation
 from tablemap.stages.snapshots import Snapshot
 from tests.making.casting import Box, Drum, looking
@@ -151,6 +156,26 @@ def test_depth_in_steps_of_centimetres_shows_no_round_rim() -> None:
     fine = outline_of(Scene(TOP), LOW_CAMERA, HIGH_CAMERA)
     assert fine.rim_sigma is not None
     assert fine.rim_sigma < 0.001
+
+
+@pytest.mark.parametrize(("views", "apart", "least"), [(1, 0.0, 2.0), (2, 4.0, 1.7), (8, 0.0, 0.5)])
+def test_few_views_and_views_that_differ_leave_the_thickness_open(
+    views: int, apart: float, least: float
+) -> None:
+    """Millimetres: one view errs by a pixel; many that agree tell it to a part of a pixel."""
+    rng = np.random.default_rng(0)
+    faces = [
+        FaceEnds(
+            drop=0.025 + 0.0005 * rng.normal(size=60) + 0.001 * apart * (i % 2),
+            resolution=np.full(60, 0.002),
+            tau=np.zeros(60),
+            bulge=np.zeros(0),
+        )
+        for i in range(views)
+    ]
+    thickness = joint_thickness(faces, config=CONFIG)
+    assert thickness is not None
+    assert least <= 1e3 * thickness.sigma < 2 * least
 
 
 def test_apron_is_not_the_thickness() -> None:
