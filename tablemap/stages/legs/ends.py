@@ -77,7 +77,7 @@ UNSEEN = UpperEnd()
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _SeenEnd:
     """One view, in metres.
 
     - ``end``: height of the thing's upper end
@@ -135,7 +135,7 @@ def _look(
     place: Floats,
     radius: float,
     underside: float,
-) -> _Seen | None:
+) -> _SeenEnd | None:
     """Follow the thing in one view; None if the view does not show it."""
     eye = snapshot.base_from_camera[:3, 3]
     foot = map_from_base.inverse().apply(place)
@@ -179,7 +179,7 @@ def _look(
     end = float(eye[2] + (heights[top] - eye[2]) * (1.0 + deep))
     followed = limit if top >= len(heights) - 2 else float(heights[top])
     # What grows wide is the body of someone who sits there, or a seat, or a box on a leg.
-    return _Seen(end, gap, followed if width <= 2 * radius + _FLARE else 0.0)
+    return _SeenEnd(end, gap, followed if width <= 2 * radius + _FLARE else 0.0)
 
 
 def _alone(on: Bools, aside: Floats, radius: float) -> Bools:

@@ -55,7 +55,7 @@ _MEDIAN_OF_THREE = 2.37  # the median of chi squared with three degrees of freed
 
 
 @dataclass(frozen=True, eq=False)
-class _Fitted:
+class _FittedPlace:
     """A robust fit: ``residual`` (n, 3), all in metres, ``weight`` (n,), ``information`` (3, 3)."""
 
     fit: Pose2
@@ -65,7 +65,7 @@ class _Fitted:
     kernel: float
 
 
-def _fitted(fit: Pose2, relative: Floats, localised: Floats, kernel: float) -> _Fitted:
+def _fitted(fit: Pose2, relative: Floats, localised: Floats, kernel: float) -> _FittedPlace:
     n = len(relative)
     information = np.eye(3)
     residual, weight = np.zeros((n, 3)), np.ones(n)
@@ -84,7 +84,7 @@ def _fitted(fit: Pose2, relative: Floats, localised: Floats, kernel: float) -> _
         fit = Pose2(*centre) @ Pose2(*step) @ Pose2(*centre).inverse() @ fit
         if np.abs(step).max() < 1e-7:
             break
-    return _Fitted(fit, residual, weight, np.asarray(information), kernel)
+    return _FittedPlace(fit, residual, weight, np.asarray(information), kernel)
 
 
 def _wander(scatter: Floats) -> float:

@@ -22,7 +22,7 @@ _SHARP = 1.5  # times the smallest pixel on the side: ends with larger ones tell
 
 
 @dataclass(frozen=True, eq=False)
-class _Ends:
+class _RimEnds:
     """Ends of the top at a lower surface or at missing depth, in all views.
 
     - ``places``, ``normals``: (n, 2), relative to the origin
@@ -41,7 +41,7 @@ class _Ends:
     view: Ints
 
 
-def _ends(fit: JointFit, outline: Outline, evidence: Evidence) -> _Ends | None:
+def _ends(fit: JointFit, outline: Outline, evidence: Evidence) -> _RimEnds | None:
     poses = corrected_poses(fit, evidence)
     parts = []
     for view in outline.views:
@@ -60,7 +60,7 @@ def _ends(fit: JointFit, outline: Outline, evidence: Evidence) -> _Ends | None:
                 np.full(len(view.kind), view.index),
             )
         )
-    return _Ends(*map(np.concatenate, zip(*parts, strict=True))) if parts else None
+    return _RimEnds(*map(np.concatenate, zip(*parts, strict=True))) if parts else None
 
 
 def hidden_rims(
