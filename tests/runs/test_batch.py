@@ -121,6 +121,7 @@ def test_runs_leave_no_thread_no_file_and_no_recording_behind(
     act_within(monkeypatch, lambda: None)
     file = make_recording(tmp_path)
     there = []
+    gc.collect()  # what tests before this one left
     gc.disable()
     try:
         for _ in range(6):
