@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tablemap.geometry import Bools, Floats, Ints
 from tablemap.masks import counted, grown
-from tablemap.stages.snapshots.noise import DepthNoise, depth_noise
+from tablemap.stages.snapshots.noise import DepthNoise
 
 _Pixel = TypeVar("_Pixel", bound=np.generic)
 
@@ -33,8 +33,10 @@ _LEAST_AGREE = 0.8  # share of the neighbours that lie on one plane
 _BLOCK = 20_000  # pixels at once
 
 
-def mended(depth: NDArray[np.float32]) -> NDArray[np.float32]:
+def mended(depth: NDArray[np.float32], noise: DepthNoise) -> NDArray[np.float32]:
     """Return a depth image (height, width), metres, NaN missing, without single bad pixels.
+
+    ``noise`` is that of the image. One that is left as it was recorded comes back itself.
 
     A pixel is an outlier if nearly all of its neighbours lie on one plane and it does not: it
     counts as missing. A missing pixel is filled if its neighbours surround it and lie on one plane.
@@ -42,7 +44,6 @@ def mended(depth: NDArray[np.float32]) -> NDArray[np.float32]:
     step. An image whose bad pixels are few, or in places, stays as it was recorded. The inverse
     depth of a plane is linear in the image, and is what is compared.
     """
-    noise = depth_noise(depth)
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = (1 / depth).astype(np.float32)
     padded = np.pad(inverse, _REACH_PX, constant_values=np.nan)
@@ -72,14 +73,18 @@ def _usual_share(depth: NDArray[np.float32], rows: Ints, columns: Ints) -> float
     A driver or low light loses pixels all over the image; at a glance, pixels are lost in places,
     and the more the farther: there, the end of what was filled would look like an end of the top.
     """
-    shape = -(-np.array(depth.shape) // _PART_PX)
-    bad = np.zeros(shape, dtype=np.int64)
-    np.add.at(bad, (rows // _PART_PX, columns // _PART_PX), 1)
-    known = np.zeros(shape, dtype=np.int64)
-    measured = np.nonzero(np.isfinite(depth))
-    np.add.at(known, (measured[0] // _PART_PX, measured[1] // _PART_PX), 1)
-    told = known > _PART_PX**2 // 2
-    return float(np.quantile(bad[told], _FEW) / _PART_PX**2) if told.any() else 0.0
+    bad = np.zeros(depth.shape, dtype=bool)
+    bad[rows, columns] = True
+    told = _in_parts(np.isfinite(depth)) > _PART_PX**2 // 2
+    return float(np.quantile(_in_parts(bad)[told], _FEW) / _PART_PX**2) if told.any() else 0.0
+
+
+def _in_parts(pixels: Bools) -> Ints:
+    """Count the pixels of a mask (height, width) in each part of the image."""
+    height, width = pixels.shape
+    by_row = np.add.reduceat(pixels, np.arange(0, height, _PART_PX), axis=0, dtype=np.int64)
+    parts: Ints = np.add.reduceat(by_row, np.arange(0, width, _PART_PX), axis=1)
+    return parts
 
 
 def _outliers(

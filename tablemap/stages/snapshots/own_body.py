@@ -36,7 +36,9 @@ def without_own_body(
     if mask is None:
         return list(snapshots), ()
     own = np.float32(np.nan)
-    cleared = [replace(one, depth=np.where(mask, own, one.depth)) for one in snapshots]
+    cleared = [
+        replace(one, depth=np.where(mask, own, one.depth), recorded_noise=None) for one in snapshots
+    ]
     rows, columns = np.nonzero(mask)
     depth = float(np.nanmedian(np.stack([one.depth[mask] for one in snapshots])))
     message = (

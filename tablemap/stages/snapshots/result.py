@@ -81,7 +81,7 @@ class Snapshot:
     - ``base_z``: metres, the height of the base's origin in the fixed frame
     - ``localised_sigma``: (3,) standard deviations of ``map_from_base`` as recorded, x and y in
       metres, yaw in radians; None if the localisation recorded none
-    - ``recorded_noise``: of the depth before it was corrected; None if it was not
+    - ``recorded_noise``: of the depth as it was recorded; None if it is to be told by ``depth``
     """
 
     index: int

@@ -15,6 +15,7 @@ from tablemap.stages.snapshots.camera_kind import looked_at, seen_camera
 from tablemap.stages.snapshots.combining import combine
 from tablemap.stages.snapshots.directions import by_direction, planar_pose, same_mount, views_at
 from tablemap.stages.snapshots.mending import mended
+from tablemap.stages.snapshots.noise import depth_noise
 from tablemap.stages.snapshots.own_body import without_own_body
 from tablemap.stages.snapshots.result import (
     Camera,
@@ -223,6 +224,9 @@ def _decode(
             return
         pose = Pose2.projected(fixed_from_base)
         wheels = recording.odom_from_base(middle.stamp_ns)
+        recorded = combine([f.depth for f in same])
+        noise = depth_noise(recorded)
+        depth = mended(recorded, noise)
         snapshots.append(
             Snapshot(
                 index=len(snapshots),
@@ -230,7 +234,7 @@ def _decode(
                 start_ns=viewpoint.start_ns,
                 end_ns=viewpoint.end_ns,
                 images=len(same),
-                depth=mended(combine([f.depth for f in same])),
+                depth=depth,
                 camera=cameras.setdefault(camera, camera),
                 base_from_camera=invert(pose.lifted()) @ fixed_from_base @ middle.base_from_camera,
                 map_from_base=pose,
@@ -239,6 +243,7 @@ def _decode(
                 colour_message=colours.get(viewpoint.middle_ns),
                 base_z=float(fixed_from_base[2, 3]),
                 localised_sigma=recording.localised_sigma(middle.stamp_ns),
+                recorded_noise=noise if depth is recorded else None,
             )
         )
 
