@@ -11,7 +11,7 @@ from shapely.geometry import LinearRing, LineString, Polygon
 from shapely.ops import substring
 
 from tablemap.errors import ProcessWarning
-from tablemap.geometry import Bools, Floats, Ints, Pose2, invert, transform
+from tablemap.geometry import Bools, Floats, Ints, Pose2
 from tablemap.stages.snapshots import Snapshot
 from tablemap.stages.surface.shapes.shape import extents
 
@@ -131,11 +131,10 @@ def _looks(
     snapshot: Snapshot, map_from_base: Pose2, places: Floats, across: Floats, heights: Floats
 ) -> Floats:
     """Return (2, n, k): whether a view met something at a place and height, or saw through it."""
-    camera, base_from_camera = snapshot.camera, snapshot.base_from_camera
     base_from_map = map_from_base.inverse()
     in_base = base_from_map.apply(places)
     normals = base_from_map.rotate(across)
-    sight = in_base - base_from_camera[:2, 3]
+    sight = in_base - snapshot.base_from_camera[:2, 3]
     distance = np.maximum(np.linalg.norm(sight, axis=1), 1e-6)
     facing = np.abs(np.einsum("ij,ij->i", sight, normals)) / distance
     points = np.concatenate(
@@ -145,17 +144,11 @@ def _looks(
         ],
         axis=1,
     )
-    seen = transform(invert(base_from_camera), points)
-    z = seen[:, 2].reshape(len(places), len(heights))
-    u, v = np.round(camera.project(seen)).T.reshape(2, len(places), len(heights))
-    usable = (z > 0.1) & (u >= 0) & (v >= 0) & (u < camera.width) & (v < camera.height)
-    usable &= (facing > _LEAST_FACING)[:, None]
-    row = np.where(usable, v, 0).astype(np.int64)
-    column = np.where(usable, u, 0).astype(np.int64)
-    depth = np.where(usable, snapshot.depth[row, column], np.nan)
+    z, depth = (each.reshape(len(places), -1) for each in snapshot.depth_at(points))
+    depth[facing <= _LEAST_FACING] = np.nan
     # The depth's difference as a distance across the front.
-    behind = (depth / np.where(usable, z, 1.0) - 1.0) * (distance * facing)[:, None]
-    with np.errstate(invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
+        behind = (depth / z - 1.0) * (distance * facing)[:, None]
         return np.stack([np.abs(behind) < _FLUSH, behind > _BEYOND]).astype(np.float64)
 
 

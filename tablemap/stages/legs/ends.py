@@ -9,7 +9,7 @@ import shapely
 from scipy import ndimage
 from shapely.geometry import LineString, Polygon
 
-from tablemap.geometry import Bools, Floats, Pose2, invert, transform
+from tablemap.geometry import Bools, Floats, Pose2
 from tablemap.stages.legs.layout import Frame
 from tablemap.stages.snapshots import Snapshot
 from tablemap.words import counted
@@ -217,17 +217,10 @@ def _offsets(
     snapshot: Snapshot, foot: Floats, left: Floats, aside: Floats, heights: Floats
 ) -> Floats:
     """Return (rows, columns): by how much depth is farther than a plane through the thing."""
-    camera = snapshot.camera
     across, up = np.meshgrid(aside, heights)
     places = np.stack([foot[0] + across * left[0], foot[1] + across * left[1], up], axis=-1)
-    seen = transform(invert(snapshot.base_from_camera), places.reshape(-1, 3))
-    pixels = camera.project(seen)
-    inside = (seen[:, 2] > 0.3) & (pixels > -0.5).all(axis=1)
-    inside &= (pixels < [camera.width - 0.5, camera.height - 0.5]).all(axis=1)
-    column, row = np.round(pixels[inside]).astype(np.int64).T
-    off = np.full(len(seen), np.nan)
-    off[inside] = snapshot.depth[row, column] - seen[inside, 2]
-    return np.where(np.isfinite(off), off, np.nan).reshape(up.shape)
+    away, depth = snapshot.depth_at(places.reshape(-1, 3), nearest=0.3)
+    return (depth - away).reshape(up.shape)
 
 
 def _followed(on: Bools, corridor: Bools, step: float) -> tuple[int | None, slice, float]:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import ndimage
 
 from tablemap.errors import ProcessWarning
-from tablemap.geometry import Bools, Floats, Ints, invert, transform
+from tablemap.geometry import Bools, Floats, Ints, transform
 from tablemap.stages.snapshots.result import Snapshot
 
 _LEAST_VIEWS = 4
@@ -107,27 +107,18 @@ def _looks(views: list[Snapshot], pixels: Ints, steady: Bools) -> tuple[Floats, 
     """Return how often other views saw through the places of pixels (n, 2), and saw them there."""
     through, there = np.zeros(len(pixels)), np.zeros(len(pixels))
     rows, columns = pixels.T
+    # What the robot's own body hides says nothing.
+    bare = [replace(view, depth=np.where(steady, np.nan, view.depth)) for view in views]
     for one in views:
         rays = one.camera.rays[rows, columns]
         seen = transform(one.base_from_camera, rays * one.depth[rows, columns, None])
         places = one.map_from_base.apply(seen)
-        for other in views:
+        for other in bare:
             apart = other.map_from_base.translation - one.map_from_base.translation
             if np.hypot(*apart) < _AWAY:
                 continue
-            camera = other.camera
-            at = transform(
-                invert(other.base_from_camera), other.map_from_base.inverse().apply(places)
-            )
-            u, v = np.round(camera.project(at)).T
+            away, depth = other.depth_at(other.map_from_base.inverse().apply(places))
             with np.errstate(invalid="ignore"):
-                inside = (at[:, 2] > 0.1) & (u >= 0) & (u < camera.width)
-                inside &= (v >= 0) & (v < camera.height)
-            u, v = u[inside].astype(np.int64), v[inside].astype(np.int64)
-            with np.errstate(invalid="ignore"):
-                off = other.depth[v, u] - at[inside, 2]
-                # What the robot's own body hides says nothing.
-                off[steady[v, u]] = np.nan
-                through[inside] += off > _BEYOND
-                there[inside] += np.abs(off) < _AT
+                through += depth - away > _BEYOND
+                there += np.abs(depth - away) < _AT
     return through, there

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tablemap.config import DepthCamera
 from tablemap.errors import ProcessWarning
-from tablemap.geometry import Bools, Floats, Ints, Pose2, transform
+from tablemap.geometry import Bools, Floats, Ints, Pose2, invert, transform
 from tablemap.recording.messages import CompressedImage, Image
 from tablemap.stages.snapshots.noise import DepthNoise, depth_noise
 
@@ -113,6 +113,21 @@ class Snapshot:
         """Return (n, 3) float64 points in the base of some pixels, a mask (height, width)."""
         rays, depth = self.camera.rays[pixels], self.depth[pixels]
         return transform(self.base_from_camera, rays * depth[:, None])
+
+    def depth_at(self, points: Floats, *, nearest: float = 0.1) -> tuple[Floats, Floats]:
+        """Return how far points (n, 3) in the base are from the camera, and the depth seen there.
+
+        Both are metres along the optical axis. The depth is NaN where there is none, outside of the
+        image, and for points that are not ``nearest`` metres ahead.
+        """
+        seen = transform(invert(self.base_from_camera), points)
+        column, row = np.round(self.camera.project(seen)).T
+        with np.errstate(invalid="ignore"):
+            inside = (seen[:, 2] > nearest) & (column >= 0) & (row >= 0)
+            inside &= (column < self.camera.width) & (row < self.camera.height)
+        depth = np.full(len(seen), np.nan)
+        depth[inside] = self.depth[row[inside].astype(np.int64), column[inside].astype(np.int64)]
+        return seen[:, 2], depth
 
     def corrected(self, *, base_from_camera: Floats, depth_scale: float) -> Snapshot:
         """Return this snapshot with another mounting and its depth multiplied by a scale."""
