@@ -106,8 +106,7 @@ def hidden_corners(fit: JointFit, outline: Outline, evidence: Evidence) -> list[
     cuts the corner off. Around a hole many ends of the top are at missing depth, in several views,
     with the lower surface behind it; at a corner that was seen, they are the shadow of one view.
     """
-    ends = _ends(fit, outline, evidence)
-    if ends is None or not isinstance(fit.shape, Rounded):
+    if not isinstance(fit.shape, Rounded) or (ends := _ends(fit, outline, evidence)) is None:
         return []
     corners, pieces = fit.shape.corners, fit.shape.pieces()
     within = signed_distance(ends.places, corners) < _REACH
