@@ -15,7 +15,8 @@ import pytest
 from rerun.chunk import RrdReader
 
 from tablemap.archive import load_run
-from tablemap.evaluation.metrics import Score, score
+from tablemap.evaluation.metrics import score
+from tablemap.evaluation.score import Score
 from tablemap.evaluation.truth import Truth
 from tablemap.model import TableModel
 from tests.making.command import tablemap_here

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tablemap.evaluation.metrics import MEASURED, Error, Score, ViewScore
+from tablemap.evaluation.score import MEASURED, YAW, Error, Score, ViewScore
 from tablemap.model.shapes import PARALLELOGRAM, shape_named
 
 Spread = dict[str, float | None]
@@ -50,6 +50,8 @@ def summarise(runs: Sequence[RunScore]) -> dict[str, object]:
     measured = [e for e in lengths if e.status == MEASURED]
     angles = [s.angle for s in scores if s.angle]
     heights = [s.height for s in scores if s.height]
+    thicknesses = [s.thickness for s in scores if s.thickness]
+    in_map = [e for s in scores for e in s.place]
     legs = [s.legs for s in scores if s.legs]
     places = [e for leg in legs for e in leg.places]
     sizes = [e for leg in legs for e in leg.sizes]
@@ -64,6 +66,8 @@ def summarise(runs: Sequence[RunScore]) -> dict[str, object]:
         "angle_deg": spread(np.degrees(e.error) for e in angles),
         "height_mm": _millimetres(heights),
         "height_excess_mm": spread(1000 * e.excess for e in heights),
+        "thickness_mm": _millimetres(thicknesses),
+        "place_in_map_mm": _millimetres(e for e in in_map if e.name != YAW),
         "pose_mm": spread(1000 * e.error for s in scores for e in s.poses),
         "pose_deg": spread(np.degrees(h) for s in scores for h in s.headings),
         "outline_mm": spread(1000 * s.outline for s in scores if s.outline is not None),
@@ -80,6 +84,8 @@ def summarise(runs: Sequence[RunScore]) -> dict[str, object]:
             "dimensions": _coverage(measured),
             "angles": _coverage(angles),
             "heights": _coverage(heights),
+            "thicknesses": _coverage(thicknesses),
+            "places_in_map": _coverage(in_map),
             "leg_places": _coverage(places),
             "leg_sizes": _coverage(sizes),
         },

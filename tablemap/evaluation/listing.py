@@ -7,7 +7,7 @@ import io
 from collections.abc import Iterator, Sequence
 
 from tablemap.evaluation.aggregate import RunScore
-from tablemap.evaluation.metrics import Error
+from tablemap.evaluation.score import Error
 
 COLUMNS = (
     "scenario",
@@ -51,8 +51,9 @@ def named_figures(run: RunScore) -> Iterator[tuple[str, Error]]:
     score = run.score
     if score is None:
         return
-    figures = [*score.dimensions, score.corner_radius, score.angle, score.height]
+    figures = [*score.dimensions, score.corner_radius, score.angle, score.height, score.thickness]
     yield from ((figure.name, figure) for figure in figures if figure)
+    yield from ((figure.name, figure) for figure in score.place)
     if score.legs:
         yield from ((f"leg {i} place", place) for i, place in enumerate(score.legs.places))
         yield from ((f"leg {i} size", size) for i, size in enumerate(score.legs.sizes))

@@ -10,8 +10,8 @@ import numpy as np
 from tablemap import palette
 from tablemap.evaluation.aggregate import RunScore, summarise
 from tablemap.evaluation.listing import named_figures
-from tablemap.evaluation.metrics import Error, Score
 from tablemap.evaluation.published import PUBLISHED
+from tablemap.evaluation.score import YAW, Error, Score
 from tablemap.model.shapes import CIRCLE, PARALLELOGRAM, SHAPES, is_angle
 from tablemap.words import escape
 
@@ -30,6 +30,8 @@ def score_rows(figures: Mapping[str, Any]) -> Rows:
         "beyond sensor",
         "angle deg",
         "height mm",
+        "thickness mm",
+        "place in map mm",
         "pose mm",
         "pose deg",
         "outline mm",
@@ -66,7 +68,7 @@ def run_rows(run: RunScore, score: Score) -> tuple[Rows, Rows]:
     right = "right" if run.right_shape else "wrong"
     rows.append(["shape", score.true_shape, score.shape, right, "", "", ""])
     for name, figure in named_figures(run):
-        if is_angle(name):
+        if is_angle(name) or name == YAW:
             size, model = (f"{np.degrees(x):.2f} deg" for x in _sizes(figure))
             error, sigma = f"{np.degrees(figure.error):+.2f} deg", figure.sigma
             stated = "" if sigma is None else f"{np.degrees(sigma):.2f} deg"
@@ -118,6 +120,8 @@ def _row(scenario: str, method: str, f: Mapping[str, Any]) -> list[str]:
         _spread(f["dimension_excess_mm"]),
         _spread(f["angle_deg"], 2),
         _spread(f["height_mm"]),
+        _spread(f["thickness_mm"]),
+        _spread(f["place_in_map_mm"]),
         _spread(f["pose_mm"]),
         _spread(f["pose_deg"], 3),
         _spread(f["outline_mm"]),

@@ -90,14 +90,21 @@ def place_top(top: Top, pose: Pose2) -> Pose2:
     return Pose2(pose.x, pose.y, yaw)
 
 
-def surface_truth(top: Top, pose: Pose2, *, tolerance: float) -> dict[str, object]:
-    """Return the truth file's ``surface``; ``tolerance`` is how far sizes are open (metres)."""
+def surface_truth(
+    top: Top, pose: Pose2, *, thickness: float | None, tolerance: float
+) -> dict[str, object]:
+    """Return the truth file's ``surface``.
+
+    - ``thickness``: metres; None if nothing shows it
+    - ``tolerance``: metres by which the sizes are open
+    """
     return {
         "shape": top.shape,
         "pose": {"x": pose.x, "y": pose.y, "yaw": pose.yaw},
         "height": top.height,
         "dimensions": top.dimensions,
         "corner_radius": top.corner_radius,
+        "thickness": thickness,
         "outline": pose.apply(top.stated).tolist(),
         "tolerance": {"dimensions": tolerance, "height": 0.0},
     }

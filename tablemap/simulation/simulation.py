@@ -141,7 +141,12 @@ class Simulation:
             "scenario": self.scenario.name,
             "seed": self.seed,
             "surface": {
-                **surface_truth(world.top, world.map_from_table, tolerance=tolerance),
+                **surface_truth(
+                    world.top,
+                    world.map_from_table,
+                    thickness=None if table.cloth else table.thickness,
+                    tolerance=tolerance,
+                ),
                 "relief": world.relief.truth(world.map_from_table) if world.relief else None,
             },
             "floor": world.waves.truth() if world.waves else None,

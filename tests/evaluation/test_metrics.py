@@ -14,7 +14,8 @@ import pytest
 from tablemap import model as m
 from tablemap.evaluation.aggregate import RunScore, summarise
 from tablemap.evaluation.listing import figures_csv
-from tablemap.evaluation.metrics import Error, Score, ViewScore, score
+from tablemap.evaluation.metrics import score
+from tablemap.evaluation.score import Error, Score, ViewScore
 from tablemap.evaluation.suite import Evaluation
 from tablemap.evaluation.tables import score_rows
 from tablemap.evaluation.truth import Truth
@@ -183,6 +184,33 @@ def test_a_shape_s_weight_is_that_of_its_better_fit() -> None:
     both = tuple(m.Alternative(shape="rectangle", score=weight) for weight in (0.05, 0.0))
     model = with_surface(rectangle_model(), shape="ellipse", score=0.95, alternatives=both)
     assert score(model, truth_of(model)).weights == {"ellipse": 0.95, "rectangle": 0.05}
+
+
+def test_the_thickness_is_compared_where_both_know_it() -> None:
+    """A top that is 4 mm too thick at a sigma of 1 mm is off, and lies outside its interval."""
+    model = rectangle_model()
+    truth = truth_of(model)
+    slab = truth.surface.model_copy(update={"thickness": 0.025})
+    thick = with_surface(model, thickness=m.Figure(value=0.029, sigma=0.001))
+    error = score(thick, truth.model_copy(update={"surface": slab})).thickness
+    assert error is not None
+    assert error.error == pytest.approx(0.004)
+    assert error.covered is False
+    assert score(thick, truth).thickness is None
+    assert score(model, truth.model_copy(update={"surface": slab})).thickness is None
+
+
+def test_the_place_in_the_map_keeps_the_localisation_s_offset() -> None:
+    """The map's own x, y and yaw count; half a turn of a rectangle is no error."""
+    model = rectangle_model()
+    shifted = moved(model, Pose2(0.03, -0.02, np.pi + 0.01))
+    by_name = {error.name: error for error in score(shifted, truth_of(model)).place}
+    assert set(by_name) == {"place x", "place y", "place yaw"}
+    assert by_name["place yaw"].error == pytest.approx(0.01)
+    own, there = model.surface.pose, shifted.surface.pose
+    assert by_name["place x"].error == pytest.approx(there.x - own.x)
+    assert by_name["place y"].error == pytest.approx(there.y - own.y)
+    assert by_name["place x"].sigma == pytest.approx(np.sqrt(there.covariance[0][0]))
 
 
 def test_legs_are_found_missed_and_invented() -> None:
@@ -446,6 +474,9 @@ def test_every_figure_is_a_line_of_csv() -> None:
         "width",
         "angle",
         "height",
+        "place x",
+        "place y",
+        "place yaw",
         "leg 0 place",
         "leg 0 size",
     ]
