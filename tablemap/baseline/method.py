@@ -108,7 +108,7 @@ def process(
         _corrected(snapshot, corrections.get(snapshot.index, np.eye(4)))
         for snapshot in taken.snapshots
     ]
-    model = m.TableModel(
+    made = m.TableModel(
         frame=recording.names.fixed,
         floor_z=0.0,
         surface=surface,
@@ -129,6 +129,7 @@ def process(
             for w in recording.warnings
         ),
     )
+    model = made.as_written()
     record(model)
     stamps = np.array([snapshot.stamp_ns for snapshot in taken.snapshots], dtype=np.int64)
     return Processed(model, (), Trajectory(stamps, np.array(poses)))

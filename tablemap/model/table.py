@@ -340,6 +340,10 @@ class TableModel(Part):
                 "expected finite numbers in the table model, found one that is not; JSON has none."
             ) from error
 
+    def as_written(self) -> TableModel:
+        """Return the model as its file holds it, so that all who tell its figures round alike."""
+        return TableModel.from_json(self.to_json())
+
     @staticmethod
     def from_json(text: str) -> TableModel:
         """Read ``table.json``; unknown fields are ignored.

@@ -41,7 +41,10 @@ class Findings:
 
 
 def assemble(found: Findings) -> m.TableModel:
-    """Make the `TableModel` of all stages' results, their warnings in the order of the stages."""
+    """Make the `TableModel` of all stages' results, as ``table.json`` will hold it.
+
+    Its warnings are in the order of the stages.
+    """
     poses = best_poses(found.registration, found.surface)
     snapshots = tuple(_snapshot(snapshot, found, poses) for snapshot in found.taken.snapshots)
     warnings = [
@@ -58,7 +61,7 @@ def assemble(found: Findings) -> m.TableModel:
         *found.legs.warnings,
     ]
     calibration = found.calibration
-    return m.TableModel(
+    model = m.TableModel(
         frame=found.recording.names.fixed,
         floor_z=calibration.floor_z,
         surface=_surface(found.surface),
@@ -76,6 +79,7 @@ def assemble(found: Findings) -> m.TableModel:
             for w in warnings
         ),
     )
+    return model.as_written()
 
 
 def with_legs(warnings: Sequence[ProcessWarning], legs: Sequence[Leg]) -> Iterator[ProcessWarning]:

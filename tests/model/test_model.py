@@ -21,6 +21,15 @@ def test_a_written_model_reads_back_the_same() -> None:
     assert again.surface.dimensions["length"].value == pytest.approx(1.187, abs=1e-6)
 
 
+def test_a_model_as_written_holds_what_its_file_holds() -> None:
+    """A sigma of 5.94997 mm is 5.9 mm, and 5.95 of the file are 6.0: all tell that of the file."""
+    made = rectangle_model(sigma=0.00594997, length=1.18700049)
+    written = made.as_written()
+    assert written != made
+    assert written == TableModel.from_json(made.to_json())
+    assert written.to_json() == made.to_json()
+
+
 def test_the_document_has_the_contract_s_fields() -> None:
     """Others script against these names."""
     document = json.loads(rectangle_model().to_json())
