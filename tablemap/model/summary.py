@@ -23,13 +23,19 @@ def summary_rows(model: TableModel) -> list[tuple[str, str]]:
     if surface.thickness:
         rows.append(("thickness", length(surface.thickness)))
     place = f"({pose.x:.3f}, {pose.y:.3f}) m +- {1000 * sigma_xy:.0f} mm"
-    heading = f"{math.degrees(pose.yaw):.2f} +- {sigma_yaw:.2f} deg"
-    rows.append((f"place in {model.frame}", f"{place}, yaw {heading}"))
+    if has_heading(model):
+        place += f", yaw {math.degrees(pose.yaw):.2f} +- {sigma_yaw:.2f} deg"
+    rows.append((f"place in {model.frame}", place))
     rows.append(("legs", _legs(model)))
     used = sum(snapshot.used for snapshot in model.snapshots)
     rows.append(("views", f"{used} of {len(model.snapshots)} used"))
     rows.append(("verdict", model.verdict.level))
     return rows
+
+
+def has_heading(model: TableModel) -> bool:
+    """Tell whether the yaw says something: a circle looks the same in every direction."""
+    return shape_named(model.surface.shape).symmetry != 0
 
 
 def doubts(model: TableModel) -> list[str]:
@@ -51,16 +57,21 @@ def notes(model: TableModel) -> list[str]:
 
 
 def line(model: TableModel) -> str:
-    """Return a model in one line: shape, dimensions, height, place and verdict."""
+    """Return a model in one line: shape, dimensions, height, place, verdict and codes of doubts."""
     surface = model.surface
     lengths = [
         f"{figure.value:.3f}" for name, figure in surface.dimensions.items() if not is_angle(name)
     ]
     size = f" {' x '.join(lengths)} m" if lengths else ""
     place = f"at ({surface.pose.x:.2f}, {surface.pose.y:.2f})"
-    return (
-        f"{surface.shape}{size}, {surface.height.value:.3f} m high, {place}, {model.verdict.level}"
-    )
+    return f"{surface.shape}{size}, {surface.height.value:.3f} m high, {place}, {judged(model)}"
+
+
+def judged(model: TableModel) -> str:
+    """Return the verdict in one line, and the codes of what speaks against the model."""
+    reasons = model.verdict.reasons
+    codes = dict.fromkeys(one.code for one in model.warnings if one.message in reasons)
+    return f"{model.verdict.level} ({', '.join(codes)})" if codes else model.verdict.level
 
 
 def length(figure: Figure) -> str:

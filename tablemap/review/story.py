@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tablemap.model import Dimension, Figure, TableModel
+from tablemap.model.summary import doubts, has_heading
 from tablemap.review.markdown import MOST_ROWS, figure, links, metres, table
 from tablemap.review.wording import length
 from tablemap.words import counted
@@ -39,7 +40,7 @@ def model(result: TableModel, *, magnified: tuple[float, float]) -> str:
     deviations = np.sqrt(np.maximum(np.diag(np.array(pose.covariance)), 0.0))
     lines = [
         f"# {surface.shape.capitalize()}: {result.verdict.level}",
-        *[f"- {reason}" for reason in result.verdict.reasons],
+        *[f"- {doubt}" for doubt in doubts(result)],
         "",
         table(("figure", "value", "status"), rows),
         "",
@@ -48,8 +49,12 @@ def model(result: TableModel, *, magnified: tuple[float, float]) -> str:
         links(top="model/top", dimensions="model/dimensions", uncertainty="model/uncertainty"),
         "",
         f"**Pose** in `{result.frame}`: x {metres(pose.x, float(deviations[0]))}, "
-        f"y {metres(pose.y, float(deviations[1]))}, "
-        f"yaw {np.degrees(pose.yaw):.2f} ± {np.degrees(float(deviations[2])):.2f}°",
+        f"y {metres(pose.y, float(deviations[1]))}"
+        + (
+            f", yaw {np.degrees(pose.yaw):.2f} ± {np.degrees(float(deviations[2])):.2f}°"
+            if has_heading(result)
+            else ""
+        ),
         "",
         f"**Shape** {surface.shape} {surface.score:.2f}"
         + "".join(

@@ -13,8 +13,8 @@ import PIL.Image
 import pytest
 
 from tablemap import palette
-from tablemap.events import RunFailed
-from tablemap.model import TableModel
+from tablemap.events import OtherTable, RunFailed
+from tablemap.model import TableModel, Verdict, WarningEntry
 from tablemap.review.page.page import Page
 from tablemap.review.page.plan import plan
 from tablemap.stages.segmentation import Segmentation
@@ -88,6 +88,18 @@ def test_the_other_tables_have_a_line_each(run: list[object]) -> None:
     assert "rectangle 0.900 x 0.600" in others
     assert "none of 8 views shows enough of it" in others
     assert html.count("<h1>") == 1
+
+
+def test_a_doubt_has_its_code_at_the_top(model: TableModel) -> None:
+    """In the words of the shell; another table's stands beside its verdict, in its colour."""
+    doubt = WarningEntry(
+        code="accuracy.unseen_side", stage="surface", message="A side was not seen.", stamp_ns=None
+    )
+    verdict = Verdict(level="doubtful", reasons=(doubt.message,))
+    doubted = model.model_copy(update={"warnings": (doubt,), "verdict": verdict})
+    html = page([doubted, OtherTable(1, doubted)])
+    assert "<li>accuracy.unseen_side: A side was not seen.</li>" in html
+    assert '<td class="doubtful">doubtful (accuracy.unseen_side)</td>' in html
 
 
 def test_a_failed_run_says_what_failed() -> None:

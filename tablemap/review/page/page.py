@@ -11,7 +11,7 @@ from tablemap import palette
 from tablemap.archive.manifest import Manifest
 from tablemap.events import OtherTable, RunFailed
 from tablemap.model import TableModel
-from tablemap.model.summary import summary_rows
+from tablemap.model.summary import doubts, judged, summary_rows
 from tablemap.review import wording
 from tablemap.review.page.picture import BestView
 from tablemap.review.page.plan import plan
@@ -41,6 +41,7 @@ section, tr { break-inside: avoid; } h2 { break-after: avoid; }
     )
 )
 MOST_ROWS = 200
+STATUSES = ("measured", "inferred", "unseen", "good", "doubtful", "failed")
 NO_TABLE = "nothing by itself; it gave no table"
 SHORT = 24
 """Letters of a cell that stays one line: long texts beside it give way."""
@@ -135,7 +136,7 @@ def _model(model: TableModel, name: str, surface: Surface | None, picture: str) 
     )
     yield f'<p class="muted">The table in {name}</p>'
     if verdict.reasons:
-        yield "<ul>" + "".join(f"<li>{escape(reason)}</li>" for reason in verdict.reasons) + "</ul>"
+        yield "<ul>" + "".join(f"<li>{escape(doubt)}</li>" for doubt in doubts(model)) + "</ul>"
     rows = [row for row in summary_rows(model) if row[0] != "verdict"]
     yield _table((), [(name, text.replace("+-", "±")) for name, text in rows])
     if picture:
@@ -143,7 +144,7 @@ def _model(model: TableModel, name: str, surface: Surface | None, picture: str) 
     yield f"<section><h2>From above</h2>{plan(model)}</section>"
     drawn = variance_bars(model.surface)
     if drawn:
-        yield f"<section><h2>Where the uncertainty comes from</h2>{drawn}</section>"
+        yield (f"<section><h2>Where the uncertainty comes from</h2>{drawn}</section>")
     yield "<h2>Sides</h2>"
     yield _table(
         ("side", "length", "status", "seen", "sigma"),
@@ -222,7 +223,7 @@ def _beside(others: Sequence[OtherTable]) -> Iterable[str]:
                 ),
                 f"{one.outcome.surface.pose.x:.3f}, {one.outcome.surface.pose.y:.3f}",
                 f"{one.outcome.surface.height.value:.3f} m",
-                one.outcome.verdict.level,
+                judged(one.outcome),
             )
             for one in others
         ],
@@ -262,8 +263,9 @@ def _table(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:
 
 
 def _cell(text: str) -> str:
-    is_status = text in ("measured", "inferred", "unseen", "good", "doubtful", "failed")
-    if is_status:
-        return f'<td class="{text} short">{text}</td>'
-    kind = ' class="short"' if len(text) <= SHORT else ""
-    return f"<td{kind}>{escape(text)}</td>"
+    kinds = ["short"] if len(text) <= SHORT else []
+    first, *others = text.split(" (")
+    if first in STATUSES and (not others or text.endswith(")")):
+        kinds.insert(0, first)
+    named = f' class="{" ".join(kinds)}"' if kinds else ""
+    return f"<td{named}>{escape(text)}</td>"
