@@ -102,6 +102,14 @@ def test_a_doubt_has_its_code_at_the_top(model: TableModel) -> None:
     assert '<td class="doubtful">doubtful (accuracy.unseen_side)</td>' in html
 
 
+def test_long_reasons_stand_below_the_figures_on_a_narrow_screen(model: TableModel) -> None:
+    """In a table of many columns; what is short keeps its columns."""
+    unused = model.snapshots[0].model_copy(update={"used": False, "reason": "not seen, " * 5})
+    for snapshots, kind in (((unused,), ' class="worded"'), (model.snapshots[:1], "")):
+        html = page([model.model_copy(update={"snapshots": snapshots})])
+        assert f"<table{kind}>\n<tr><th>stop</th>" in html
+
+
 def test_a_failed_run_says_what_failed() -> None:
     """The stage and the sentence come first; there is no drawing."""
     html = page([RunFailed("registration", "ignored")], status="failed", error="no <two> views")

@@ -32,6 +32,12 @@ td, th { text-align: left; vertical-align: top; padding: .18em 1.2em .18em 0;
 td:first-child, th, .short { white-space: nowrap; } th { font-weight: 600; }
 svg { max-width: 100%; height: auto; }
 section, tr { break-inside: avoid; } h2 { break-after: avoid; }
+@media (max-width: 45em) {
+  .drawn { overflow-x: auto; } .drawn svg { min-width: 36em; }
+  .worded, .worded tbody { display: block; }
+  .worded tr { display: flex; flex-wrap: wrap; border-bottom: 1px solid #ddd; }
+  .worded td, .worded th { border: 0; } .worded :last-child:not(tr) { flex: 1 0 100%; }
+}
 @media print { body { margin: 0; max-width: none; font-size: 11px; } }
 """
     + f"body {{ color: {palette.TEXT.css}; }}\n.muted {{ color: {palette.LEFT_OUT.css}; }}\n"
@@ -41,6 +47,8 @@ section, tr { break-inside: avoid; } h2 { break-after: avoid; }
     )
 )
 MOST_ROWS = 200
+MANY = 3
+"""Columns that stand beside a long text on any screen."""
 STATUSES = ("measured", "inferred", "unseen", "good", "doubtful", "failed")
 NO_TABLE = "nothing by itself; it gave no table"
 SHORT = 24
@@ -141,10 +149,10 @@ def _model(model: TableModel, name: str, surface: Surface | None, picture: str) 
     yield _table((), [(name, text.replace("+-", "±")) for name, text in rows])
     if picture:
         yield f"<section><h2>In the camera's image</h2>{picture}</section>"
-    yield f"<section><h2>From above</h2>{plan(model)}</section>"
+    yield f'<section class="drawn"><h2>From above</h2>{plan(model)}</section>'
     drawn = variance_bars(model.surface)
     if drawn:
-        yield (f"<section><h2>Where the uncertainty comes from</h2>{drawn}</section>")
+        yield (f'<section class="drawn"><h2>Where the uncertainty comes from</h2>{drawn}</section>')
     yield "<h2>Sides</h2>"
     yield _table(
         ("side", "length", "status", "seen", "sigma"),
@@ -161,7 +169,7 @@ def _model(model: TableModel, name: str, surface: Surface | None, picture: str) 
     )
     if surface is not None and np.isfinite(surface.residuals).any():
         yield (
-            "<section><h2>Edge points against the outline</h2>"
+            '<section class="drawn"><h2>Edge points against the outline</h2>'
             f"{unrolled(surface)}{histogram(surface.residuals)}</section>"
         )
     yield f"<h2>Legs ({len(model.legs)})</h2>"
@@ -255,10 +263,13 @@ def _provenance(manifest: Manifest, status: str) -> str:
 
 
 def _table(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:
-    lines = ["<table>"]
+    """Write a table; narrow screens show long texts of the last of many columns below the rest."""
+    cells = [tuple(map(str, row)) for row in rows]
+    is_worded = len(header) > MANY and any(len(row[-1]) > SHORT for row in cells)
+    lines = ['<table class="worded">' if is_worded else "<table>"]
     if header:
         lines.append("<tr>" + "".join(f"<th>{escape(one)}</th>" for one in header) + "</tr>")
-    lines += ["<tr>" + "".join(_cell(str(cell)) for cell in row) + "</tr>" for row in rows]
+    lines += ["<tr>" + "".join(map(_cell, row)) + "</tr>" for row in cells]
     return "\n".join([*lines, "</table>"])
 
 
