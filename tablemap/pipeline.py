@@ -8,6 +8,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import cache
 
+from msgspec.structs import replace
 from threadpoolctl import threadpool_limits
 
 from tablemap.config import Config, Tables, check_tables
@@ -90,7 +91,7 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
         record(taken)
         # A kind of camera has its own errors at edges.
         sensors, _ = sensors.of_camera(taken.camera.kind)
-        config = config.model_copy(update={"sensors": sensors})
+        config = replace(config, sensors=sensors)
 
     # The floor shows the camera's tilt, and the bend of its depth image.
     with stage("calibration"):

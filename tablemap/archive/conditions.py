@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from msgspec import to_builtins
+
 from tablemap.archive.folder import RunFolder
 from tablemap.config import Config
 
@@ -39,7 +41,7 @@ def _apart(*trees: Mapping[str, object]) -> Apart:
 
 
 def _flat(config: Config) -> dict[str, object]:
-    return dict(_named("", config.model_dump(mode="json")))
+    return dict(_named("", to_builtins(config)))
 
 
 def _named(prefix: str, tree: Mapping[str, object]) -> Iterator[tuple[str, object]]:

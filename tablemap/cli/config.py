@@ -24,6 +24,8 @@ def config(
     as_json: Json = False,
 ) -> None:
     """Print every setting as TOML, with what it is: the defaults, a file's and yours."""
+    from msgspec import to_builtins
+
     from tablemap.config import explain_config, load_config
 
     if schema:
@@ -31,6 +33,6 @@ def config(
         return
     resolved = load_config(file, overrides=settings or ())
     if as_json:
-        say(json.dumps(resolved.model_dump(mode="json"), indent=1))
+        say(json.dumps(to_builtins(resolved), indent=1))
     else:
         say(explain_config(resolved), nl=False)

@@ -51,9 +51,10 @@ def schemas() -> dict[str, dict[str, Any]]:
     from tablemap.evaluation.truth import Truth
     from tablemap.model import json_schema
     from tablemap.model.documents import document_schema
+    from tablemap.schemas import json_schema as settings_schema
 
     return {
-        "config": Config.model_json_schema(),
+        "config": settings_schema(Config),
         "table": json_schema(),
         "truth": document_schema(Truth, TRUTH_SCHEMA, mode="validation"),
         "manifest": document_schema(Manifest, MANIFEST_SCHEMA, mode="serialization"),

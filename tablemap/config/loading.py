@@ -189,7 +189,7 @@ def load_config(file: AnyPath | None = None, *, overrides: Sequence[str] = ()) -
             if not isinstance(branch, dict):
                 raise ConfigError(f"{section!r} in {name!r} is a value, not a section.")
         branch[key] = _parse_value(text.strip())
-    return Config.model_validate(tree)
+    return Config.read(tree)
 
 
 def _parse_value(text: str) -> object:

@@ -7,9 +7,10 @@ import textwrap
 from typing import Literal, get_args, get_origin
 
 import tomli_w
-from pydantic.fields import FieldInfo
+from msgspec import to_builtins
+from msgspec.structs import FieldInfo
 
-from tablemap.config.section import Section
+from tablemap.config.section import LIMITS, Section, meant, settings_of
 from tablemap.config.tree import Config
 
 _WIDTH = 98  # columns of a comment
@@ -17,20 +18,20 @@ _WIDTH = 98  # columns of a comment
 
 def dump_config(config: Config) -> str:
     """Return the whole tree as TOML; `load_config` of it gives the same tree."""
-    return tomli_w.dumps(config.model_dump(mode="json", exclude_none=True))
+    return tomli_w.dumps(to_builtins(config))
 
 
 def explain_config(config: Config) -> str:
     """Return the whole tree as TOML; comments say what each setting is, and its range."""
     parts = []
-    for name, field in Config.model_fields.items():
+    for name, field in settings_of(Config).items():
         value = getattr(config, name)
         if isinstance(value, Section):
             doc = inspect.cleandoc(type(value).__doc__ or "").partition("\n\n")[0]
             parts += [f"\n{_comment(doc)}[{name}]\n"]
             parts += [
                 _explained(key, part, getattr(value, key))
-                for key, part in type(value).model_fields.items()
+                for key, part in settings_of(type(value)).items()
             ]
         else:
             parts.append(_explained(name, field, value))
@@ -38,22 +39,18 @@ def explain_config(config: Config) -> str:
 
 
 def _explained(name: str, field: FieldInfo, value: object) -> str:
-    allowed = _allowed(field)
-    comment = f"{field.description} ({allowed})" if allowed else f"{field.description}"
-    plain = list(value) if isinstance(value, tuple) else value
-    return _comment(comment) + tomli_w.dumps({name: plain})
+    meaning, allowed = meant(field).description, _allowed(field)
+    comment = f"{meaning} ({allowed})" if allowed else f"{meaning}"
+    return _comment(comment) + tomli_w.dumps({name: value})
 
 
 def _allowed(field: FieldInfo) -> str:
     """Return the values that are allowed, as people write them; an empty text if all are."""
-    if get_origin(field.annotation) is Literal:
-        return " | ".join(map(str, get_args(field.annotation)))
-    limits = []
-    for limit in field.metadata:
-        for name, sign in (("gt", ">"), ("ge", ">="), ("lt", "<"), ("le", "<=")):
-            if hasattr(limit, name):
-                limits.append(f"{sign} {getattr(limit, name)}")
-    return ", ".join(limits)
+    bare, meta = get_args(field.type)
+    if get_origin(bare) is Literal:
+        return " | ".join(map(str, get_args(bare)))
+    limits = {sign: getattr(meta, name) for name, (sign, _) in LIMITS.items()}
+    return ", ".join(f"{sign} {limit}" for sign, limit in limits.items() if limit is not None)
 
 
 def _comment(text: str) -> str:

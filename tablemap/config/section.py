@@ -1,42 +1,131 @@
-"""The base of every group of settings, and the sentence about a wrong setting."""
+"""The base of every group of settings, and the sentence about a wrong setting.
+
+The annotation of a setting has its limits and its description. It is no text but a value, as that
+takes less time to read: modules of settings do without ``from __future__ import annotations``.
+"""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
+from functools import cache
+from typing import Any, Self, TypeGuard, cast, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, ValidationError
-from pydantic.fields import FieldInfo
+from msgspec import Meta, Struct, StructMeta, ValidationError, convert
+from msgspec.structs import FieldInfo, fields, force_setattr
 
+from tablemap.errors import ConfigError
+from tablemap.schemas import choices
 
-class Section(BaseModel):
-    """A group of settings: frozen, and closed to unknown keys."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-def explain(error: ValidationError, root: type[Section]) -> str:
-    """Return a sentence about the first error; an unknown name comes with the nearest one."""
-    first = error.errors()[0]
-    path = [str(part) for part in first["loc"]]
-    name = ".".join(path)
-    if first["type"] != "extra_forbidden":
-        said = first["msg"].removeprefix("Value error, ")
-        reason = said[0].lower() + said[1:]
-        return f"{name} = {first['input']!r} is not allowed: {reason}."
-    fields: Mapping[str, FieldInfo] = root.model_fields
-    for part in path[:-1]:
-        section = fields[part].annotation
-        if not (isinstance(section, type) and issubclass(section, BaseModel)):
-            break
-        fields = section.model_fields
-    names = list(fields)
-    if isinstance(first["input"], Mapping):  # a section was meant
-        names = [name for name in names if _is_section(fields[name])] or names
-    near = difflib.get_close_matches(path[-1], names, n=1, cutoff=0.0)
-    prefix = "".join(f"{part}." for part in path[:-1])
-    return f"there is no setting {name!r}; the nearest is {prefix + near[0]!r}."
+LIMITS = {
+    "gt": (">", "greater than"),
+    "ge": (">=", "greater than or equal to"),
+    "lt": ("<", "less than"),
+    "le": ("<=", "less than or equal to"),
+}
+"""What an annotation says of a setting's range, each with its sign and its words."""
+_TYPES = {
+    bool: "true or false",
+    int: "a valid integer",
+    float: "a valid number",
+    str: "a valid string",
+    tuple: "a list of valid numbers",
+}
 
 
-def _is_section(field: FieldInfo) -> bool:
-    return isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel)
+class _Groups(StructMeta):
+    """Makes groups of settings, and refuses names that are none."""
+
+    def __call__(self, *values: Any, **given: Any) -> Any:
+        group = cast("type[Section]", self)
+        for name in given.keys() - settings_of(group).keys():
+            raise _unknown(group, name, given[name], prefix="")
+        return super().__call__(*values, **given)
+
+
+class Section(Struct, frozen=True, forbid_unknown_fields=True, metaclass=_Groups):
+    """A group of settings: frozen, and closed to unknown names.
+
+    Raises `ConfigError` for a setting that is unknown or out of its range.
+    """
+
+    def __post_init__(self) -> None:
+        """Check every setting."""
+        for name, field in settings_of(type(self)).items():
+            given = getattr(self, name)
+            if given is not field.default:
+                force_setattr(self, name, _checked(given, field, name))
+
+    @classmethod
+    def read(cls, tree: Mapping[str, Any], *, prefix: str = "") -> Self:
+        """Return the group with the settings in a tree; ``prefix`` is the group's own name."""
+        known = settings_of(cls)
+        given: dict[str, Any] = {}
+        for key, value in tree.items():
+            if key not in known:
+                raise _unknown(cls, key, value, prefix=prefix)
+            kind, name = known[key].type, f"{prefix}{key}"
+            if is_section(kind) and isinstance(value, Mapping):
+                given[key] = kind.read(value, prefix=f"{name}.")
+            else:
+                given[key] = _checked(value, known[key], name)
+        return cls(**given)
+
+
+@cache
+def settings_of(section: type[Section]) -> dict[str, FieldInfo]:
+    """Return the settings of a group, and the groups in it, by name."""
+    return {field.name: field for field in fields(section)}
+
+
+def is_section(kind: object) -> TypeGuard[type[Section]]:
+    """Say whether the type of a setting is a group of settings."""
+    return isinstance(kind, type) and issubclass(kind, Section)
+
+
+def meant(field: FieldInfo) -> Meta:
+    """Return what the annotation of a setting says: its description, its limits."""
+    return cast(Meta, get_args(field.type)[1])
+
+
+def _checked(value: object, field: FieldInfo, name: str) -> object:
+    """Return the value of a setting as its type has it; numbers may be given as text."""
+    kind, reason = field.type, ""
+    try:
+        if not is_section(kind) and (extra := meant(field).extra):
+            value = extra["read"](value)
+        return convert(value, kind, strict=False)
+    except ValidationError:
+        reason = f"input should be {_expected(value, kind)}"
+    except ValueError as error:
+        reason = str(error)
+    raise ConfigError(f"{name} = {value!r} is not allowed: {reason}.")
+
+
+def _expected(value: object, kind: Any) -> str:
+    """Return what is expected instead of a value."""
+    if is_section(kind):
+        return "a section"
+    bare, meta = get_args(kind)
+    try:
+        convert(value, bare, strict=False)
+    except ValidationError:
+        *some, last = [repr(each) for part in choices(bare) for each in part] or [""]
+        if some:
+            return f"{', '.join(some)} or {last}"
+        return _TYPES.get(get_origin(bare) or bare, "another value")
+    limits = [(words, getattr(meta, limit)) for limit, (_, words) in LIMITS.items()]
+    ranges = [f"{words} {limit}" for words, limit in limits if limit is not None]
+    return " and ".join(ranges) or f"a list of {meta.min_length} or more"
+
+
+def _unknown(section: type[Section], key: str, value: object, *, prefix: str) -> ConfigError:
+    """Return the error about a name that is no setting's; it has the nearest one."""
+    known = settings_of(section)
+    names = list(known)
+    if isinstance(value, Mapping):  # a section was meant
+        names = [name for name in names if is_section(known[name].type)] or names
+    near = difflib.get_close_matches(key, names, n=1, cutoff=0.0)
+    return ConfigError(
+        f"there is no setting {prefix + key!r}; the nearest is {prefix + near[0]!r}."
+    )

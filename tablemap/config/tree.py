@@ -1,18 +1,10 @@
 """All settings as one tree."""
 
-from __future__ import annotations
-
 import math
 from contextlib import suppress
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import (
-    BeforeValidator,
-    Field,
-    ModelWrapValidatorHandler,
-    ValidationError,
-    model_validator,
-)
+from msgspec import Meta
 
 from tablemap.config.calibration import CalibrationConfig
 from tablemap.config.crosscheck import CrossCheckConfig
@@ -24,7 +16,7 @@ from tablemap.config.outline import OutlineConfig
 from tablemap.config.registration import RegistrationConfig
 from tablemap.config.report import ReportConfig
 from tablemap.config.review import ReviewConfig
-from tablemap.config.section import Section, explain
+from tablemap.config.section import Section, is_section, settings_of
 from tablemap.config.segmentation import SegmentationConfig
 from tablemap.config.sensors import SensorsConfig
 from tablemap.config.snapshots import SnapshotsConfig
@@ -53,26 +45,33 @@ def check_tables(tables: object) -> Tables:
     raise ConfigError(f"expected best, all or a place (x, y) in metres; found {tables!r}.")
 
 
-class Config(Section):
+class Config(Section, frozen=True):
     """Everything that decides the result of a run, except the recording.
 
     Raises `ConfigError` for a setting that is unknown or out of its range.
     """
 
-    seed: int = Field(
-        default=0,
-        ge=0,
-        description="start of the random numbers; the same seed gives the same bytes",
-    )
-    method: Method = Field(
-        default="tablemap",
-        description="tablemap; or report: the method of the bachelor report, as the baseline",
-    )
-    tables: Annotated[Tables, BeforeValidator(check_tables)] = Field(
-        default="best",
-        description="which table: best (the one seen best), all, or [x, y] (the one nearest to "
-        "this place, metres in the map)",
-    )
+    seed: Annotated[
+        int,
+        Meta(
+            ge=0,
+            description="start of the random numbers; the same seed gives the same bytes",
+        ),
+    ] = 0
+    method: Annotated[
+        Method,
+        Meta(
+            description="tablemap; or report: the method of the bachelor report, as the baseline",
+        ),
+    ] = "tablemap"
+    tables: Annotated[
+        Tables,
+        Meta(
+            description="which table: best (the one seen best), all, or [x, y] (the one nearest "
+            "to this place, metres in the map)",
+            extra={"read": check_tables},
+        ),
+    ] = "best"
     topics: TopicsConfig = TopicsConfig()
     sensors: SensorsConfig = SensorsConfig()
     snapshots: SnapshotsConfig = SnapshotsConfig()
@@ -89,22 +88,13 @@ class Config(Section):
     report: ReportConfig = ReportConfig()
     limits: LimitsConfig = LimitsConfig()
 
-    @model_validator(mode="wrap")
-    @classmethod
-    def _say_what_is_wrong(cls, tree: Any, validated: ModelWrapValidatorHandler[Self]) -> Self:
-        try:
-            return validated(tree)
-        except ValidationError as error:
-            raise ConfigError(explain(error, cls)) from error
-
 
 def setting_names() -> list[str]:
     """Return the dotted name of every setting, in the order of the tree."""
     names = []
-    for name, field in Config.model_fields.items():
-        section = field.annotation
-        if isinstance(section, type) and issubclass(section, Section):
-            names += [f"{name}.{key}" for key in section.model_fields]
+    for name, field in settings_of(Config).items():
+        if is_section(field.type):
+            names += [f"{name}.{key}" for key in settings_of(field.type)]
         else:
             names.append(name)
     return names

@@ -36,7 +36,7 @@ def _kind(
         below = next((kind for kind in kinds if kind[1] is not None), ("", None, ""))
         return " or ".join(dict.fromkeys(kind for kind, _, _ in kinds)), below[1], below[2]
     if "enum" in field:
-        return " | ".join(map(str, field["enum"])), None, ""
+        return " | ".join(str(value) or '""' for value in field["enum"]), None, ""
     if "const" in field:
         return f'"{field["const"]}"', None, ""
     if field.get("type") == "array" and isinstance(field.get("items"), Mapping):

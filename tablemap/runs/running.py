@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
+from msgspec.structs import replace
+
 from tablemap.archive.folder import RunFolder, check_writable, load_run, table_name, trajectory_tum
 from tablemap.archive.liveness import Heart
 from tablemap.archive.verification import find_input
@@ -107,7 +109,7 @@ def run(
         raise ConfigError(f"expected a method of {', '.join(get_args(Method))}; found {method!r}.")
     tables = config.tables if tables is None else check_tables(tables)
     # config.toml says all of it: it repeats the run.
-    config = config.model_copy(update={"method": method, "tables": tables})
+    config = replace(config, method=method, tables=tables)
     running = _Running(recording)
     try:
         recording.check()

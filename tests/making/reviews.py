@@ -25,7 +25,7 @@ from tests.making import made_up_run as made_up
 def write(path: Path, run: list[object], level: str = "standard") -> Path:
     """Write a review of results."""
     path.parent.mkdir(exist_ok=True)
-    config = ReviewConfig.model_validate({"level": level})
+    config = ReviewConfig.read({"level": level})
     with Reviewer(path, run_id=path.parent.name, recording_name="made up", config=config) as record:
         for one in run:
             record(one)

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tablemap.config import LimitsConfig
+from tablemap.config.section import settings_of
 from tablemap.recording import inspect
 from tests.making import hostile
 from tests.making import messages as w
@@ -54,7 +55,7 @@ def test_the_defaults_stop_nothing_of_a_sound_recording(drive: Path) -> None:
 
 def test_every_limit_is_tried() -> None:
     """A new limit needs a case of its own."""
-    assert LOWERED.keys() == LimitsConfig.model_fields.keys()
+    assert LOWERED.keys() == settings_of(LimitsConfig).keys()
 
 
 @pytest.mark.parametrize("name", [name for name, change in LOWERED.items() if change])
@@ -67,7 +68,7 @@ def test_what_is_over_a_limit_names_its_setting(drive: Path, name: str, tmp_path
         drive = tmp_path / "long.mcap"
         fields = b"uint8 x\n" * 200
         hostile.one_topic(drive, "sensor_msgs/Image", "ros1msg", fields, "ros1", b"")
-    limits = LimitsConfig().model_copy(update=LOWERED[name])
+    limits = LimitsConfig(**LOWERED[name])
     assert f"limits.{name} = {LOWERED[name][name]}" in said(drive, limits)
 
 

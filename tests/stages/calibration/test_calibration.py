@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from tablemap.config import CalibrationConfig, SensorsConfig
 from tablemap.geometry import Floats, Pose2
@@ -129,7 +130,7 @@ def test_a_base_that_leans_moves_its_camera() -> None:
     assert belief.lean == pytest.approx((1.1, 0.55), rel=0.01)
     assert belief.view_shift == pytest.approx(0.55 * np.deg2rad(0.15 * np.sqrt(2 / 6)), rel=0.4)
     without = calibrate(
-        leaning(leans), config=CONFIG, sensors=SENSORS.model_copy(update={"base_lean_share": 0.0})
+        leaning(leans), config=CONFIG, sensors=structs.replace(SENSORS, base_lean_share=0.0)
     )
     ahead = np.stack([s.base_from_camera[0, 3] for s in without.snapshots])
     np.testing.assert_allclose(ahead, 0.0, atol=1e-9)
@@ -147,7 +148,7 @@ def test_a_camera_held_by_hand_is_not_believed_its_height() -> None:
     held = calibrate(tuple(views), config=CONFIG, sensors=SENSORS)
     firm = calibrate(
         tuple(views),
-        config=CONFIG.model_copy(update={"held_roll_deg": 90.0}),
+        config=structs.replace(CONFIG, held_roll_deg=90.0),
         sensors=SENSORS,
     )
     assert held.height_correction > 2 * firm.height_correction

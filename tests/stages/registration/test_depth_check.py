@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from tablemap.config import RegistrationConfig, SensorsConfig
 from tablemap.geometry import Pose2
@@ -78,7 +79,7 @@ def test_a_round_top_gives_no_heading_to_a_lost_view() -> None:
     """A lost view of a round top fits anywhere about it: it stays unused."""
     top = disc()
     poses = moved(top.poses, [5], Pose2(0.3, 0.2, 0.3))
-    laid = lay_edges(top.edges, poses, [], CONFIG.model_copy(update={"gates": (0.03,)}), SENSORS)
+    laid = lay_edges(top.edges, poses, [], replace(CONFIG, gates=(0.03,)), SENSORS)
     checked = top.check(laid.polished.poses)
     assert not checked.checks[5].passed
     _, after, found = search_failed(top.outline, top.edges, [], laid, checked, CONFIG, SENSORS)
