@@ -46,17 +46,9 @@ def take_snapshots(
     Raises the errors of `find_viewpoints`, and `EstimationError` if no image can be decoded.
     """
     kind, viewpoints, aside = find_viewpoints(recording, config=config, sensors=sensors)
-    kept = _limit(recording, viewpoints, kind, config)
-    skipped = [viewpoints[i] for i in np.setdiff1d(np.arange(len(viewpoints)), kept)]
-    for viewpoint in skipped:
-        aside.append(
-            SetAside(
-                "viewpoint",
-                viewpoint.middle_ns,
-                f"it is not among the {counted(_most(kind, config), 'viewpoint')} with the most "
-                "views",
-            )
-        )
+    kept, reason = _limit(recording, viewpoints, kind, config)
+    for i in np.setdiff1d(np.arange(len(viewpoints)), kept):
+        aside.append(SetAside("viewpoint", viewpoints[i].middle_ns, reason))
     snapshots, dropped, camera = _decode(recording, [viewpoints[i] for i in kept], config)
     if not snapshots:
         reasons = Counter(entry.reason for entry in dropped)
@@ -174,18 +166,22 @@ def _by_place(recording: Recording, stamps: Ints) -> list[Viewpoint]:
 
 def _limit(
     recording: Recording, viewpoints: list[Viewpoint], kind: str, config: SnapshotsConfig
-) -> Ints:
-    """Return the indices of the viewpoints to keep, at most the configured number."""
+) -> tuple[Ints, str]:
+    """Return which viewpoints to keep, at most the configured number, and why not the others."""
     most = _most(kind, config)
     if all(len(v.stamps_ns) > 1 or v.end_ns > v.start_ns for v in viewpoints) and (
         len(viewpoints) <= most
     ):
-        return np.arange(len(viewpoints))
+        return np.arange(len(viewpoints)), ""
     views = views_at(recording, np.array([v.middle_ns for v in viewpoints], dtype=np.int64))
     if kind == "keyframes":
         # A moving robot nods, so the elevation of its camera does not count.
         views[:, 3] = 0.0
-    return choose_by_new_view(views, most, config)
+    new = choose_by_new_view(views, len(views), config)
+    if len(new) <= most:
+        return new, f"it shows nothing new beside the {counted(len(new), 'view')} kept"
+    reason = f"it is not among the {counted(most, 'viewpoint')} with the most views"
+    return choose_by_new_view(views, most, config), reason
 
 
 def _most(kind: str, config: SnapshotsConfig) -> int:

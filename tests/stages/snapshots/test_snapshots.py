@@ -306,6 +306,14 @@ def test_few_views_are_chosen_by_where_the_camera_looks() -> None:
     assert all("not among the 2 viewpoints" in a.reason for a in dropped)
 
 
+def test_images_of_one_view_are_not_said_to_be_too_many() -> None:
+    """A camera that is carried over a few centimetres shows one view; the limit plays no part."""
+    carried = [(0.0, 0.0, 0.0, 0.0), (1.0, 0.1, 0.0, 0.0)]
+    result = take_snapshots(Drive(carried, np.arange(9) / 10), config=CONFIG, sensors=SENSORS)
+    assert len(result.snapshots) == 1
+    assert {a.reason for a in result.set_aside} == {"it shows nothing new beside the 1 view kept"}
+
+
 def test_images_without_a_pose_are_set_aside() -> None:
     """Images before the first pose are named with the frames that were missing."""
     drive = Drive(STOPS, VIDEO, pose_span=(5.0, 21.0))
