@@ -105,8 +105,10 @@ def find_edges(
         traced.append(_TracedView(snapshot, plane, occupied, contour))
 
     faces = _faces(traced, height, config, sensors)
-    thickness = joint_thickness(faces, sensors.surface_depth_sigma, config=config)
-    apart = float(np.hypot(sensors.surface_depth_sigma, _rounding_sigma(traced)))
+    rounding, lowered = _rounding_sigma(traced)
+    face_depth = float(np.hypot(sensors.surface_depth_sigma, lowered))
+    thickness = joint_thickness(faces, face_depth, config=config)
+    apart = float(np.hypot(sensors.surface_depth_sigma, rounding))
     rim = None if thickness is None else joint_rim(faces, apart)
     labels = {view.index: view.labels for view in used}
     views: list[ViewEdges] = []
@@ -162,17 +164,22 @@ def find_edges(
     )
 
 
-def _rounding_sigma(traced: list[_TracedView]) -> float:
-    """Return the error of a face's depth by the steps between depth values, metres.
+def _rounding_sigma(traced: list[_TracedView]) -> tuple[float, float]:
+    """Return the errors of a face's depth and height by the steps between depth values, metres.
 
     A face has one or two depth values, so that its rounding does not average out as a top's does.
     """
-    sigmas = []
+    sigmas = [(0.0, 0.0)]
     for item in traced:
-        middle = float(np.median(item.seen.depth[item.seen.top])) if item.seen.top.any() else 1.0
+        top = item.seen.top
+        if not top.any():
+            continue
+        middle = float(np.median(item.seen.depth[top]))
         step = item.snapshot.noise.step(middle)
-        sigmas.append(step / np.sqrt(12) if step > _COARSE_STEP * middle else 0.0)
-    return float(np.median(sigmas)) if sigmas else 0.0
+        sigma = step / np.sqrt(12) if step > _COARSE_STEP * middle else 0.0
+        sigmas.append((sigma, -sigma * float(np.median(item.seen.fall[top]))))
+    rounding, lowered = np.median(sigmas[1:] or sigmas, axis=0).tolist()
+    return rounding, lowered
 
 
 _COARSE_STEP = 0.006  # of the distance; a disparity's steps are finer, and images are averaged

@@ -25,6 +25,9 @@ RIM_SIGMA_M = 0.0002
 """The least scatter of the rim at a sharp edge, metres."""
 
 
+_LEAST_STEEP = 0.1  # a face that is seen from straight above has no height in the image
+
+
 @dataclass(frozen=True, eq=False)
 class FaceEnds:
     """Lower ends of the side face in one view.
@@ -100,7 +103,7 @@ def face_ends(
     on_face = np.isfinite(height) & (np.arange(len(walked))[None, :] < end[:, None])
     last = len(walked) - 1 - on_face[:, ::-1].argmax(axis=1)
     has_end &= on_face.any(axis=1) & (end - last <= 2)
-    per_px = distance / camera.fy * steep
+    per_px = distance / camera.fy / np.maximum(steep, _LEAST_STEEP)
     # A mixed pixel next to the end contains the end; otherwise the end lies between two pixels.
     following = set_back[index, np.minimum(end + 1, len(walked) - 1)]
     with np.errstate(invalid="ignore"):
@@ -127,12 +130,12 @@ class Thickness:
 
 
 def joint_thickness(
-    views: list[FaceEnds], surface_depth_sigma: float = 0.0, *, config: OutlineConfig
+    views: list[FaceEnds], face_depth_sigma: float = 0.0, *, config: OutlineConfig
 ) -> Thickness | None:
     """Return the thickness, or None if the views disagree.
 
     Aprons, legs and clutter end elsewhere: more than half of the ends must agree.
-    ``surface_depth_sigma`` (metres) is how unlike the depths of face and top may err.
+    ``face_depth_sigma`` (metres) is how unlike the heights of face and top may err by their depths.
     """
     drop = np.concatenate([view.drop for view in views]) if views else np.zeros(0)
     if len(drop) < MINIMUM_ENDS:
@@ -153,7 +156,7 @@ def joint_thickness(
     scatter = float(np.std(drop[close])) / np.sqrt(max(close.sum() / 20, 1.0))
     of_view = np.repeat(np.arange(len(views)), [len(view.drop) for view in views])
     apart = _between_views(drop[close], of_view[close], resolution)
-    systematic = (0.25 * resolution) ** 2 + surface_depth_sigma**2
+    systematic = (0.25 * resolution) ** 2 + face_depth_sigma**2
     sigma = np.sqrt(scatter**2 + apart**2 + systematic)
     return Thickness(value, float(sigma), resolution)
 

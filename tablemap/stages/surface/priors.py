@@ -144,7 +144,25 @@ def top_widening(mounting: Mounting | None, sensors: SensorsConfig) -> tuple[flo
     return mean + gain * (widening - mean), float(noise * np.sqrt(gain))
 
 
+def face_widening(mounting: Mounting | None, sensors: SensorsConfig) -> tuple[float, float]:
+    """Return by how many pixels depth lowers the end of a side face, and the standard deviation.
+
+    The legs' silhouettes tell it in both directions: mixed pixels lie on neither surface, and make
+    a thing narrower. But silhouettes are widened along the rows of the image and a face across
+    them, which what compares or filters along rows does not widen alike.
+    """
+    pixels, sigma = sensors.top_widening_px, sensors.top_widening_sigma_px
+    told = _told_by_legs(mounting, sensors)
+    if told is not None and abs(told[0] - pixels) > _CLEAR * told[1]:
+        pixels, sigma = told
+    elif told is not None:
+        gain = 1.0 / (1.0 + (told[1] / sigma) ** 2)
+        pixels, sigma = pixels + gain * (told[0] - pixels), told[1] * float(np.sqrt(gain))
+    return pixels, float(np.hypot(sigma, _ACROSS * pixels))
+
+
 _CLEAR = 2.0  # sigmas
+_ACROSS = 0.6  # share of a widening along rows: by how much that across them differs (sigma)
 _TOP_SAG = 0.0005  # metres (sigma): no top sags just as the calibration's parabola
 _TOP_SLOPE = np.deg2rad(0.1)  # sigma of the top's slope, after the calibration by floor and top
 

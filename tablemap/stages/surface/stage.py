@@ -23,7 +23,7 @@ from tablemap.stages.surface.evidence import Evidence, gather
 from tablemap.stages.surface.height import height_of
 from tablemap.stages.surface.joint import JointFit, corrected_poses
 from tablemap.stages.surface.motion import Mounting
-from tablemap.stages.surface.priors import top_widening
+from tablemap.stages.surface.priors import face_widening
 from tablemap.stages.surface.result import FittedFigure, Primitive, Surface, SurfaceEdge
 from tablemap.stages.surface.rims import hidden_corners, hidden_rims
 from tablemap.stages.surface.shapes.shape import Shape
@@ -121,9 +121,7 @@ def _thickness(
     """Take off the side face what depth adds to its lower end, which stands before a background."""
     if outline.thickness is None:
         return None
-    pixels, uncertain = top_widening(mounting, sensors)
-    if pixels:
-        uncertain = float(np.hypot(uncertain, _FACE_SIGMA_PX))
+    pixels, uncertain = face_widening(mounting, sensors)
     value = max(outline.thickness - pixels * outline.thickness_per_px, _THINNEST)
     own = _finite(outline.thickness_sigma)
     if own is None:
@@ -132,7 +130,6 @@ def _thickness(
 
 
 _THINNEST = 0.001  # metres
-_FACE_SIGMA_PX = 0.5  # a face may be widened otherwise than the legs, and than the top's far edges
 
 
 def _finite(sigma: float | None) -> float | None:

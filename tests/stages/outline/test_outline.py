@@ -178,6 +178,26 @@ def test_few_views_and_views_that_differ_leave_the_thickness_open(
     assert least <= 1e3 * thickness.sigma < 2 * least
 
 
+def test_a_pixel_more_of_the_face_is_as_high_as_the_face_shows() -> None:
+    """A face that the camera sees from high above is steep in the image: a pixel spans more."""
+    for pose in (LOW_CAMERA, HIGH_CAMERA):
+        outline = outline_of(Scene(TOP), pose)
+        away, down = np.hypot(TOP.x - 0.35, TOP.y) - pose[0, 3], pose[2, 3] - TOP.high
+        sight = np.hypot(away, down)
+        assert outline.thickness_per_px == pytest.approx(sight**2 / away / CAMERA.fy, rel=0.15)
+
+
+def test_depth_in_steps_of_centimetres_leaves_the_thickness_open() -> None:
+    """A face of one or two depth values may lie centimetres off, and its end with it."""
+    coarse = outline_of(Scene(TOP, steps=0.02), LOW_CAMERA, HIGH_CAMERA)
+    fine = outline_of(Scene(TOP), LOW_CAMERA, HIGH_CAMERA)
+    assert fine.thickness_sigma is not None
+    assert fine.thickness_sigma < 0.0015
+    assert coarse.thickness_sigma is not None
+    assert coarse.thickness_sigma > 0.0022
+    assert coarse.thickness == pytest.approx(0.025, abs=2 * coarse.thickness_sigma)
+
+
 def test_apron_is_not_the_thickness() -> None:
     """An apron set back by 3 cm does not count as side face."""
     scene = Scene(TOP, (Box(1.3, 0.1, 0.74, 0.64, 0.62, 0.72, 0.3),))

@@ -496,23 +496,32 @@ def test_shapes_are_rarely_confused_and_intervals_cover() -> None:
     assert 0.90 <= np.mean(covered) <= 1.0
 
 
+STEREO = SensorsConfig(top_widening_px=1.5, top_widening_sigma_px=1.0)
+
+
+def _widened(pixels: float, sigma: float) -> Mounting:
+    """Return what legs tell whose silhouettes are so many pixels wider on each side."""
+    return Mounting(np.zeros((4, 4)), np.zeros(4), 1.0, widening=(pixels, sigma))
+
+
 @pytest.mark.parametrize(
     ("sensors", "mounting", "value", "sigma"),
     [
         (SensorsConfig(), None, 0.030, 0.0007),
-        (SensorsConfig(top_widening_px=1.5, top_widening_sigma_px=1.0), None, 0.027, 0.0023),
-        (
-            SensorsConfig(top_widening_px=1.5, top_widening_sigma_px=1.0),
-            Mounting(np.zeros((4, 4)), np.zeros(4), 1.0, widening=(2.0, 0.1)),
-            0.026,
-            0.0012,
-        ),
+        (SensorsConfig(), _widened(-0.1, 0.1), 0.0302, 0.0006),
+        (SensorsConfig(), _widened(-1.0, 0.1), 0.032, 0.0014),
+        (SensorsConfig(), _widened(2.0, 0.1), 0.026, 0.0025),
+        (STEREO, None, 0.027, 0.0027),
+        (STEREO, _widened(2.0, 0.1), 0.026, 0.0025),
     ],
 )
 def test_depth_that_widens_makes_the_side_face_higher(
     sensors: SensorsConfig, mounting: Mounting | None, value: float, sigma: float
 ) -> None:
-    """What stereo adds to the face is taken off; it is known to a pixel, or as the legs show it."""
+    """What depth adds to the face, or takes from it, is undone as the legs or the kind tell it.
+
+    Where it is much, a face may be widened otherwise than legs; where it is nothing, it may not.
+    """
     outline, registration = observe(TABLES["rectangle"], Bench(), np.random.default_rng(5))
     outline = replace(outline, thickness=0.030, thickness_sigma=0.0005, thickness_per_px=0.002)
     surface = fit_surface(
