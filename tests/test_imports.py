@@ -73,7 +73,7 @@ def test_what_answers_at_once_imports_little(
     done = tablemap(*arguments, imports=listing, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     imported = listing.read_text(encoding="utf-8").split()
-    assert "tablemap.cli.process" in imported
+    assert "tablemap.cli.app" in imported
     packages = {name.split(".")[0] for name in imported} - _of_python() - {"tablemap"}
     assert packages <= allowed
 

@@ -21,8 +21,7 @@ def main() -> None:
     interrupts = Interrupts(grace_seconds=GRACE_SECONDS)
     interrupts.listen()
     try:
-        from tablemap.cli.app import run
-        from tablemap.cli.every import app
+        from tablemap.cli.app import app, run
 
         run(app, interrupts)
     except KeyboardInterrupt:  # before Typer takes care of them

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import shutil
 import sys
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import typer
 
-from tablemap.cli.commands import Commands, Debug, show_tracebacks
+from tablemap.cli.commands import Commands, Debug, OnDemand, show_tracebacks
 from tablemap.cli.printing import complain, say
 from tablemap.errors import ConfigError, TablemapError
 from tablemap.imports import (
@@ -20,10 +20,24 @@ from tablemap.imports import (
 from tablemap.interrupts import Interrupts
 from tablemap.version import __version__
 
+
+class EveryCommand(OnDemand):
+    """Every command of the program."""
+
+    homes: ClassVar = {
+        name: f"tablemap.cli.{name}"
+        for name in (
+            *("process", "info", "convert", "view", "export", "simulate"),
+            *("evaluate", "config", "schema", "runs"),
+        )
+    }
+
+
 app = Commands(
     name="tablemap",
+    cls=EveryCommand,
     no_args_is_help=True,
-    rich_markup_mode=None,
+    add_completion=True,
     pretty_exceptions_enable=False,
     context_settings={
         "help_option_names": ["-h", "--help"],

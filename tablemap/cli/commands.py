@@ -7,10 +7,12 @@ import inspect
 import traceback
 from collections.abc import Callable
 from contextvars import ContextVar
+from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import typer
+from typer.core import TyperGroup
 from typer.models import CommandFunctionType
 
 from tablemap.remote import SCHEMES
@@ -28,6 +30,10 @@ def show_tracebacks(wanted: bool) -> None:
 class Commands(typer.Typer):
     """A group of commands, each of which takes ``--debug``, and no servers where it takes paths."""
 
+    def __init__(self, **options: Any) -> None:
+        plain = {"add_completion": False, "rich_markup_mode": None}
+        super().__init__(**{**plain, **options})
+
     def command(
         self, name: str | None = None, **options: Any
     ) -> Callable[[CommandFunctionType], CommandFunctionType]:
@@ -39,6 +45,30 @@ class Commands(typer.Typer):
             return command
 
         return registered
+
+
+class OnDemand(TyperGroup):
+    """A group whose commands are imported when they are asked for.
+
+    ``homes`` has the module of each command, in the order of the help. A module's ``commands`` has
+    the command of that name, or is the group of that name.
+    """
+
+    homes: ClassVar[dict[str, str]]
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """See `typer.core.TyperGroup.list_commands`."""
+        return list(self.homes)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """See `typer.core.TyperGroup.get_command`."""
+        return _imported(self.homes[cmd_name], cmd_name) if cmd_name in self.homes else None
+
+
+@functools.cache
+def _imported(home: str, name: str) -> Any:
+    found = typer.main.get_command(import_module(home).commands)
+    return found.commands.get(name, found) if isinstance(found, TyperGroup) else found
 
 
 def _on_this_machine(command: Callable[..., Any]) -> Callable[..., Any]:

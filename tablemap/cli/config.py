@@ -7,11 +7,14 @@ from typing import Annotated
 
 import typer
 
+from tablemap.cli.commands import Commands
 from tablemap.cli.options import ConfigFile, Json, Settings
 from tablemap.cli.printing import say
-from tablemap.cli.schema import schemas
+
+commands = Commands()
 
 
+@commands.command()
 def config(
     schema: Annotated[
         bool,
@@ -24,13 +27,15 @@ def config(
     as_json: Json = False,
 ) -> None:
     """Print every setting as TOML, with what it is: the defaults, a file's and yours."""
+    if schema:
+        from tablemap.cli.schema import schemas
+
+        say(json.dumps(schemas(), indent=1))
+        return
     from msgspec import to_builtins
 
     from tablemap.config import explain_config, load_config
 
-    if schema:
-        say(json.dumps(schemas(), indent=1))
-        return
     resolved = load_config(file, overrides=settings or ())
     if as_json:
         say(json.dumps(to_builtins(resolved), indent=1))

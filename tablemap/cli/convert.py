@@ -8,10 +8,14 @@ from typing import Annotated
 
 import typer
 
+from tablemap.cli.commands import Commands
 from tablemap.cli.options import ConfigFile, End, Json, Settings, Start, window
 from tablemap.cli.printing import complain, say, stderr_console
 
+commands = Commands()
 
+
+@commands.command()
 def convert(
     recordings: Annotated[
         list[str],

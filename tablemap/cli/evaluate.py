@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from tablemap.cli import completing
+from tablemap.cli.commands import Commands
 from tablemap.cli.options import ConfigFile, Json, Settings
 from tablemap.cli.printing import aligned, say, stderr_console
 from tablemap.remote import is_remote
@@ -19,7 +20,10 @@ from tablemap.words import shown
 if TYPE_CHECKING:
     from tablemap.evaluation.aggregate import RunScore
 
+commands = Commands()
 
+
+@commands.command()
 def evaluate(
     paths: Annotated[
         list[str] | None,

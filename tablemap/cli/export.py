@@ -4,27 +4,20 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from typer.core import TyperCommand
 
 from tablemap.cli import completing
+from tablemap.cli.commands import Commands
+from tablemap.cli.formats import ListsFormats
 from tablemap.cli.options import ConfigFile, Json, check_output
 from tablemap.cli.printing import complain, say
 
-
-class ListsFormats(TyperCommand):
-    """A command whose help ends with the list of formats."""
-
-    def format_epilog(self, ctx: Any, formatter: Any) -> None:  # click's own, or typer's copy
-        """Write each format's name and description."""
-        from tablemap.export import all_formats
-
-        with formatter.section("Formats"):
-            formatter.write_dl([(each.name, each.description) for each in all_formats().values()])
+commands = Commands()
 
 
+@commands.command(cls=ListsFormats)
 def export(
     run: Annotated[str, typer.Argument(help="Run folder, or a table.json.", metavar="RUN")],
     formats: Annotated[

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tablemap.cli import completing
+from tablemap.cli.commands import Commands
 from tablemap.cli.options import End, Json, Start, window
 from tablemap.cli.printing import say
 from tablemap.words import counted, shown
@@ -16,7 +17,10 @@ from tablemap.words import counted, shown
 if TYPE_CHECKING:
     from tablemap.recording import RecordingInfo
 
+commands = Commands()
 
+
+@commands.command()
 def info(
     recording: Annotated[str, typer.Argument(help="MCAP recording.", metavar="RECORDING")],
     settings: Annotated[

@@ -14,6 +14,8 @@ import typer
 
 from tablemap import words
 from tablemap.cli import completing
+from tablemap.cli.commands import Commands
+from tablemap.cli.formats import ListsFormats
 from tablemap.cli.options import ConfigFile, End, Quiet, Settings, Start, Strict, window
 from tablemap.cli.printing import (
     Ends,
@@ -36,7 +38,10 @@ if TYPE_CHECKING:
     from tablemap.runs.jobs import Job, Progress
     from tablemap.runs.running import Follow, Outcome
 
+commands = Commands()
 
+
+@commands.command(cls=ListsFormats)
 def process(
     recordings: Annotated[
         list[str],

@@ -7,11 +7,15 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from tablemap.cli.commands import Commands
 from tablemap.cli.printing import aligned, say
+
+commands = Commands()
 
 Document = Literal["table", "truth", "manifest", "config"]
 
 
+@commands.command()
 def schema(
     document: Annotated[
         Document,

@@ -9,10 +9,14 @@ from typing import Annotated, Literal
 import typer
 
 from tablemap.cli import completing
+from tablemap.cli.commands import Commands
 from tablemap.cli.options import Json
 from tablemap.cli.printing import aligned, say
 
+commands = Commands()
 
+
+@commands.command()
 def simulate(
     scenario: Annotated[
         str,

@@ -11,12 +11,16 @@ from typing import Annotated
 import typer
 
 from tablemap.cli import completing
+from tablemap.cli.commands import Commands
 from tablemap.cli.options import End, Json, Start, window
 from tablemap.cli.printing import complain, say
+
+commands = Commands()
 
 _MOST_PIXELS = 8192  # a side, of what drivers draw
 
 
+@commands.command()
 def view(
     run: Annotated[
         str,

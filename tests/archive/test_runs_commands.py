@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tablemap.archive import load_run
-from tablemap.cli.every import app
+from tablemap.cli.app import app
 from tablemap.config import Config, load_config
 from tablemap.errors import ConfigError, RecordingError, TablemapError
 from tablemap.inputs import Input

@@ -507,7 +507,7 @@ def test_help_loads_nothing_heavy(command: str) -> None:
     heavy = {"numpy", "rerun", "open3d", "scipy", "shapely", "mcap", "distributed"}
     code = (
         f"import sys; sys.argv = ['tablemap', *{command.split()!r}]\n"
-        "from tablemap.cli.every import app\n"
+        "from tablemap.cli.app import app\n"
         "app(standalone_mode=False)\n"
         f"print(sorted(set(sys.modules) & {heavy!r}))"
     )

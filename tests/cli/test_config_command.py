@@ -13,7 +13,7 @@ import jsonschema
 import pytest
 from typer.testing import CliRunner
 
-from tablemap.cli.every import app
+from tablemap.cli.app import app
 from tablemap.config import Config, dump_config, load_config
 from tests.making.command import tablemap_here
 from tests.making.models import rectangle_model

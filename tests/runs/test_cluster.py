@@ -16,7 +16,7 @@ import pytest
 from typer.testing import CliRunner
 
 from tablemap.archive import load_run
-from tablemap.cli.every import app
+from tablemap.cli.app import app
 from tablemap.config import Config
 from tablemap.errors import ExternalToolError
 from tablemap.runs.cluster import process_on_cluster

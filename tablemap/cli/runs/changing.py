@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from tablemap.cli import completing
+from tablemap.cli.commands import Commands
 from tablemap.cli.options import Json, Quiet, Strict, check_output
 from tablemap.cli.printing import (
     complain,
@@ -21,11 +22,13 @@ from tablemap.cli.printing import (
     stdout_console,
 )
 from tablemap.cli.process import process_one
-from tablemap.cli.runs.app import Run, Runs, Statuses, runs_app
+from tablemap.cli.runs.arguments import Run, Runs, Statuses
 from tablemap.words import counted
 
+commands = Commands()
 
-@runs_app.command()
+
+@commands.command()
 def reprocess(
     run: Run,
     settings: Annotated[
@@ -71,7 +74,7 @@ def reprocess(
     raise typer.Exit(exit_code([outcome], strict=strict))
 
 
-@runs_app.command("redraw")
+@commands.command("redraw")
 def redraw_(run: Run) -> None:
     """Make the run.rrd of a RUN anew from the results that it keeps, without its recording."""
     from tablemap.runs.redrawing import left_out, redraw
@@ -81,7 +84,7 @@ def redraw_(run: Run) -> None:
         complain(lacks, kind="note")
 
 
-@runs_app.command("prune")
+@commands.command("prune")
 def prune_(
     folder: Runs = Path("runs"),
     older_than: Annotated[

@@ -10,20 +10,23 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tablemap.cli import completing
+from tablemap.cli.commands import Commands
 from tablemap.cli.options import Json
 from tablemap.cli.printing import aligned, metres_text, say, size_text
-from tablemap.cli.runs.app import Statuses, runs_app
+from tablemap.cli.runs.arguments import Statuses
 from tablemap.words import shortened
 
 if TYPE_CHECKING:
     from tablemap.archive.index import RunRow
+
+commands = Commands()
 
 
 MOST_OF_ERROR = 90
 """Letters of a run's error that fit beside its other columns; `runs show` has all of it."""
 
 
-@runs_app.command("list")
+@commands.command("list")
 def list_(
     folder: Annotated[
         str, typer.Argument(help="Folder of run folders, or s3://BUCKET/RUNS.", metavar="DIR")

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tablemap.cli.commands import Commands
 from tablemap.cli.options import Json
 from tablemap.cli.printing import aligned, complain, metres_text, other_entry, other_rows, say
-from tablemap.cli.runs.app import Run, runs_app
+from tablemap.cli.runs.arguments import Run
 from tablemap.errors import TablemapError
 
 if TYPE_CHECKING:
@@ -20,8 +21,10 @@ if TYPE_CHECKING:
     from tablemap.archive.conditions import Apart
     from tablemap.archive.spread import Spreads
 
+commands = Commands()
 
-@runs_app.command()
+
+@commands.command()
 def show(run: Run, as_json: Json = False) -> None:
     """Show what a RUN was made of, how it ended, and its model."""
     from tablemap.archive import load_run
@@ -59,7 +62,7 @@ def show(run: Run, as_json: Json = False) -> None:
     say(aligned(rows))
 
 
-@runs_app.command()
+@commands.command()
 def compare(
     runs: Annotated[list[str], typer.Argument(help="Two run folders, or more.", metavar="A B ...")],
     output: Annotated[
@@ -212,7 +215,7 @@ def _draw(a: RunFolder, b: RunFolder, output: Path) -> tuple[Path, Path]:
     return drawing, overlay
 
 
-@runs_app.command()
+@commands.command()
 def verify(
     runs: Annotated[list[str], typer.Argument(help="Run folders.", metavar="RUN")],
     as_json: Json = False,

@@ -9,13 +9,16 @@ from typing import Annotated
 
 import typer
 
+from tablemap.cli.commands import Commands
 from tablemap.cli.options import Json, check_output
 from tablemap.cli.printing import complain, say
-from tablemap.cli.runs.app import Run, Runs, runs_app
+from tablemap.cli.runs.arguments import Run, Runs
 from tablemap.words import counted
 
+commands = Commands()
 
-@runs_app.command("pack")
+
+@commands.command("pack")
 def pack_(
     run: Run,
     output: Annotated[
@@ -33,7 +36,7 @@ def pack_(
     say(json.dumps({"file": str(file)}) if as_json else file)
 
 
-@runs_app.command("unpack")
+@commands.command("unpack")
 def unpack_(
     file: Annotated[Path, typer.Argument(help="What pack wrote.", metavar="FILE")],
     output: Annotated[
@@ -51,7 +54,7 @@ def unpack_(
     say(json.dumps({"run": str(run.path)}) if as_json else run.path)
 
 
-@runs_app.command("serve")
+@commands.command("serve")
 def serve_(
     folder: Runs = Path("runs"),
     port: Annotated[

@@ -1,4 +1,4 @@
-"""The group of commands on run folders, and their common arguments."""
+"""What commands on run folders have in common."""
 
 from __future__ import annotations
 
@@ -8,9 +8,6 @@ from typing import Annotated
 import typer
 
 from tablemap.cli import completing
-from tablemap.cli.commands import Commands
-
-runs_app = Commands(no_args_is_help=True, rich_markup_mode=None)
 
 Runs = Annotated[Path, typer.Argument(help="Folder of run folders.", metavar="DIR")]
 Statuses = Annotated[
