@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 from typer.models import CommandFunctionType
 
 from tablemap.remote import SCHEMES
@@ -27,6 +27,14 @@ def show_tracebacks(wanted: bool) -> None:
     _before_the_command.set(wanted)
 
 
+class Command(TyperCommand):
+    """A command whose usage has what it needs without braces: shells expand them."""
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """Return what stands after the command's name, such as ``[OPTIONS] RECORDING...``."""
+        return [piece.strip("{}") for piece in super().collect_usage_pieces(ctx)]
+
+
 class Commands(typer.Typer):
     """A group of commands, each of which takes ``--debug``, and no servers where it takes paths."""
 
@@ -38,7 +46,7 @@ class Commands(typer.Typer):
         self, name: str | None = None, **options: Any
     ) -> Callable[[CommandFunctionType], CommandFunctionType]:
         """See `typer.Typer.command`."""
-        register = super().command(name, **options)
+        register = super().command(name, **{"cls": Command, **options})
 
         def registered(command: CommandFunctionType) -> CommandFunctionType:
             register(_showing_tracebacks(_on_this_machine(command)))

@@ -19,7 +19,7 @@ commands = Commands()
 def convert(
     recordings: Annotated[
         list[str],
-        typer.Argument(help="A recording, or all files of one drive.", metavar="RECORDING"),
+        typer.Argument(help="A recording, or all files of one drive.", metavar="RECORDING..."),
     ],
     output: Annotated[
         Path, typer.Option("--output", "-o", help="The MCAP to write.", metavar="OUT.mcap")

@@ -29,7 +29,7 @@ def evaluate(
         list[str] | None,
         typer.Argument(
             help="Run folders, or recordings with NAME.truth.json beside them; none: a suite.",
-            metavar="PATH",
+            metavar="PATH...",
         ),
     ] = None,
     truth: Annotated[

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from typer.core import TyperCommand
+from tablemap.cli.commands import Command
 
 
-class ListsFormats(TyperCommand):
+class ListsFormats(Command):
     """A command whose help ends with the list of formats."""
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:  # click's own, or typer's copy

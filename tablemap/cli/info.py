@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +12,7 @@ import typer
 from tablemap.cli import completing
 from tablemap.cli.commands import Commands
 from tablemap.cli.options import End, Json, Start, window
-from tablemap.cli.printing import say
+from tablemap.cli.printing import hung, say, wide
 from tablemap.words import counted, shown
 
 if TYPE_CHECKING:
@@ -22,7 +23,9 @@ commands = Commands()
 
 @commands.command()
 def info(
-    recording: Annotated[str, typer.Argument(help="MCAP recording.", metavar="RECORDING")],
+    recording: Annotated[
+        str, typer.Argument(help="An MCAP, a bag, or a bag's folder.", metavar="RECORDING")
+    ],
     settings: Annotated[
         list[str] | None,
         typer.Option(
@@ -48,12 +51,12 @@ def info(
     if as_json:
         say(json.dumps(found.to_dict(), indent=1))
     else:
-        say("\n".join(map(shown, _info_lines(found))))
+        say("\n".join(map(shown, _info_lines(found, wide(sys.stdout)))))
     if check and found.missing:
         raise typer.Exit(1)
 
 
-def _info_lines(found: RecordingInfo) -> Iterator[str]:
+def _info_lines(found: RecordingInfo, columns: int | None) -> Iterator[str]:
     from datetime import UTC, datetime
 
     start = datetime.fromtimestamp(found.start_ns / 1e9, UTC)
@@ -66,9 +69,9 @@ def _info_lines(found: RecordingInfo) -> Iterator[str]:
         rate = "" if topic.rate_hz is None else f" at {topic.rate_hz:.1f} Hz"
         detail = f"; {topic.detail}" if topic.detail else ""
         yield f"  {topic.role or '-':<12} {topic.name}"
-        yield f"  {'':<12} {topic.count}{rate}, {topic.schema}{detail}"
+        yield from hung(f"  {'':<12} ", f"{topic.count}{rate}, {topic.schema}{detail}", columns)
         if topic.problem:
-            yield f"  {'':<12} {topic.problem}"
+            yield from hung(f"  {'':<12} ", topic.problem, columns)
     yield ""
     yield "frames" + (" (sampled)" if found.frames_sampled else "")
     yield from (f"  {line}" for line in found.tree_lines())
@@ -79,9 +82,11 @@ def _info_lines(found: RecordingInfo) -> Iterator[str]:
     if found.fitness:
         yield "for processing"
         for each in found.fitness:
-            yield f"  {each.state:<8} {each.role:<13} {each.says}"
+            yield from hung(f"  {each.state:<8} {each.role:<13} ", each.says, columns)
         yield ""
-    yield from (f"warning: {warning.code}: {warning.message}" for warning in found.warnings)
-    yield from (f"missing: {missing}" for missing in found.missing)
+    for warning in found.warnings:
+        yield from hung("", f"warning: {warning.code}: {warning.message}", columns)
+    for missing in found.missing:
+        yield from hung("", f"missing: {missing}", columns)
     if not found.missing:
         yield f"ready: tablemap process {found.path}"

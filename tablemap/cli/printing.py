@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import shutil
+import sys
+import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 import typer
 
@@ -18,6 +21,9 @@ if TYPE_CHECKING:
     from tablemap.model import TableModel
     from tablemap.runs.running import Outcome
 
+_NARROWEST = 20
+"""Letters that a column of text has on any terminal."""
+
 
 def say(words: object, *, err: bool = False, nl: bool = True) -> None:
     """Print on stdout, or on stderr; what moves a terminal's cursor stands as an escape."""
@@ -25,8 +31,31 @@ def say(words: object, *, err: bool = False, nl: bool = True) -> None:
 
 
 def complain(words: object, *, kind: str = "tablemap") -> None:
-    """Print one sentence on stderr, in one line whatever is quoted in it."""
-    say(f"{kind}: {shown(words)}", err=True)
+    """Print one sentence on stderr: on a terminal broken between words, else in one line."""
+    for line in hung("", f"{kind}: {shown(words)}", wide(sys.stderr)):
+        say(line, err=True)
+
+
+def wide(stream: IO[str]) -> int | None:
+    """Return how many letters a terminal's line has; None where the stream is no terminal."""
+    return shutil.get_terminal_size().columns if stream.isatty() else None
+
+
+def hung(start: str, text: str, columns: int | None) -> list[str]:
+    """Return the lines of a text beside its start; broken between words to fit ``columns``."""
+    if columns is None:
+        return [f"{start}{text}".rstrip()]
+    least = max(columns - len(start), _NARROWEST)
+    lines = textwrap.wrap(text, least, break_long_words=False, break_on_hyphens=False) or [""]
+    return [f"{start}{lines[0]}".rstrip(), *(" " * len(start) + line for line in lines[1:])]
+
+
+def named_rows(rows: Iterable[tuple[str, str]], columns: int | None) -> str:
+    """Return names and texts as two columns; the texts broken to fit a terminal's ``columns``."""
+    shown_rows = [(shown(name), shown(text)) for name, text in rows]
+    width = max((len(name) for name, _ in shown_rows), default=0)
+    lines = [hung(f"{name:<{width}}  ", text, columns) for name, text in shown_rows]
+    return "\n".join(line for each in lines for line in each)
 
 
 def stdout_console() -> Console:
@@ -184,8 +213,6 @@ def print_model(
     model: TableModel, run: Path | str, *, console: Console, others: Iterable[OtherTable] = ()
 ) -> None:
     """Print a model's summary and notes, how to open its run, and at the end why it is doubted."""
-    from rich.table import Table
-
     from tablemap.model.summary import doubts, notes, summary_rows
 
     rows = [
@@ -193,19 +220,14 @@ def print_model(
         *other_rows(others),
         *(("note", note) for note in notes(model)),
     ]
-    if console.is_terminal:  # there, long texts are broken within their column
-        table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
-        for name, text in rows:
-            table.add_row(name, shown(text))
-        console.print(table)
-    else:
-        console.print(aligned(rows), soft_wrap=True)
+    columns = console.width if console.is_terminal else None
+    console.print(named_rows(rows, columns), soft_wrap=True)
     console.print()
     print_left(run, console=console)
     if model.verdict.level != "good":
         console.print(f"\n{model.verdict.level} because:")
         for doubt in doubts(model):
-            console.print(f"  {shown(doubt)}", soft_wrap=True)
+            console.print("\n".join(hung("  ", shown(doubt), columns)), soft_wrap=True)
 
 
 def print_left(run: Path | str, *, console: Console) -> None:

@@ -45,7 +45,10 @@ commands = Commands()
 def process(
     recordings: Annotated[
         list[str],
-        typer.Argument(help="MCAP recordings, globs, or @list.txt.", metavar="RECORDING"),
+        typer.Argument(
+            help="MCAPs, bags and bags' folders; globs of them, or @list.txt.",
+            metavar="RECORDING...",
+        ),
     ],
     output: Annotated[
         str, typer.Option("--output", "-o", help="Folder of run folders.", metavar="DIR")

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from tablemap.cli.printing import complain, named_rows
 from tests.making.command import TABLEMAP, tablemap, tablemap_here
 from tests.making.models import rectangle_model
 from tests.making.run_folders import make_run
@@ -50,6 +51,18 @@ def test_help_names_every_command() -> None:
         text = tablemap_here(*group, "--help").stdout
         listed = re.findall(r"^  ([a-z]+)  ", text.split("Commands:")[1], flags=re.M)
         assert sorted(listed) == sorted(known)
+
+
+def test_the_usage_is_what_a_shell_takes() -> None:
+    """Braces would be expanded; what may be repeated has its dots."""
+    for command, usage in (
+        ("process", "process [OPTIONS] RECORDING..."),
+        ("export", "export [OPTIONS] RUN"),
+        ("runs compare", "runs compare [OPTIONS] A B..."),
+        ("evaluate", "evaluate [OPTIONS] [PATH...]"),
+    ):
+        text = tablemap_here(*command.split(), "--help").stdout
+        assert text.splitlines()[0].endswith(f"tablemap {usage}")
 
 
 @pytest.mark.parametrize("command", [*COMMANDS, *(f"runs {name}" for name in RUNS)])
@@ -400,6 +413,34 @@ def test_every_error_is_one_sentence(tmp_path: Path) -> None:
         assert err.count("\n") == 1, (command, err)
         assert "defect" not in err, (command, err)
         assert sentence is None or err == sentence + "\n", command
+
+
+def test_a_terminal_breaks_sentences_between_words(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Elsewhere an error is one line, for programs that read lines; a long path stays whole."""
+    path = "/a/path/that/is/longer/than/the/line"
+    sentence = f"there is no such file; look for it in the folder beside: {path}"
+    complain(sentence)
+    assert capsys.readouterr().err == f"tablemap: {sentence}\n"
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setenv("COLUMNS", "30")
+    complain(sentence)
+    *lines, last = capsys.readouterr().err.splitlines()
+    assert max(map(len, lines)) <= 30
+    assert last == path
+    assert " ".join([*lines, last]) == f"tablemap: {sentence}"
+
+
+def test_long_texts_stay_in_their_column_on_a_terminal() -> None:
+    """A model's doubts and notes are longer than a line."""
+    rows = [("verdict", "doubtful"), ("because", "one of four sides was not seen")]
+    assert named_rows(rows, None) == "verdict  doubtful\nbecause  one of four sides was not seen"
+    assert named_rows(rows, 30).splitlines() == [
+        "verdict  doubtful",
+        "because  one of four sides was",
+        "         not seen",
+    ]
 
 
 def test_piped_output_has_no_colour(tmp_path: Path) -> None:

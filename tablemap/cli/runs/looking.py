@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,7 +12,16 @@ import typer
 
 from tablemap.cli.commands import Commands
 from tablemap.cli.options import Json
-from tablemap.cli.printing import aligned, complain, metres_text, other_entry, other_rows, say
+from tablemap.cli.printing import (
+    aligned,
+    complain,
+    metres_text,
+    named_rows,
+    other_entry,
+    other_rows,
+    say,
+    wide,
+)
 from tablemap.cli.runs.arguments import Run
 from tablemap.errors import TablemapError
 
@@ -59,12 +69,12 @@ def show(run: Run, as_json: Json = False) -> None:
         *([("because", doubt) for doubt in doubts(model)] if model else []),
         *([("note", note) for note in notes(model)] if model else []),
     ]
-    say(aligned(rows))
+    say(named_rows(rows, wide(sys.stdout)))
 
 
 @commands.command()
 def compare(
-    runs: Annotated[list[str], typer.Argument(help="Two run folders, or more.", metavar="A B ...")],
+    runs: Annotated[list[str], typer.Argument(help="Two run folders, or more.", metavar="A B...")],
     output: Annotated[
         Path | None,
         typer.Option(
@@ -217,7 +227,7 @@ def _draw(a: RunFolder, b: RunFolder, output: Path) -> tuple[Path, Path]:
 
 @commands.command()
 def verify(
-    runs: Annotated[list[str], typer.Argument(help="Run folders.", metavar="RUN")],
+    runs: Annotated[list[str], typer.Argument(help="Run folders.", metavar="RUN...")],
     as_json: Json = False,
 ) -> None:
     """Check that the RUNs and their recordings are what they were."""
