@@ -292,7 +292,8 @@ def _check_latest(link: Path) -> None:
 def load_run(run: AnyPath) -> RunFolder:
     """Open a run folder; in a recording's folder of runs, open the last run that left a model.
 
-    A path of a file in a run opens that run; a `RunFolder` is returned as it is; of a run on a
+    If none of its runs left one, the one that began last is opened. A path of a file in a run
+    opens that run; a `RunFolder` is returned as it is; of a run on a
     server a copy is opened. Raises `TablemapError` if there is no run, or its manifest is damaged.
     """
     if isinstance(run, RunFolder):
@@ -310,6 +311,9 @@ def load_run(run: AnyPath) -> RunFolder:
                 f"the run that this link names is gone; give another of its runs: {latest}"
             )
         folder = latest.resolve()
+    elif not is_file(folder / MANIFEST) and path == folder:
+        begun = sorted(folder.glob(f"*/{MANIFEST}"))  # run IDs begin with their times
+        folder = begun[-1].parent if begun else folder
     return RunFolder(folder.resolve(), read_manifest(folder, given=path), url=url)
 
 

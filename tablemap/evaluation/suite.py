@@ -21,7 +21,8 @@ from tablemap.evaluation.aggregate import RunScore, summarise
 from tablemap.evaluation.metrics import score
 from tablemap.evaluation.truth import Truth
 from tablemap.events import StageFinished
-from tablemap.files import read_text, write_whole
+from tablemap.files import is_file, read_text, write_whole
+from tablemap.inputs import Input
 from tablemap.paths import AnyPath
 from tablemap.remote import is_remote
 from tablemap.version import __version__
@@ -88,6 +89,7 @@ def cases_of(
     """
     if recordings:
         for recording in recordings:
+            Input.of(recording).check()
             if not Truth.beside(recording).is_file():
                 raise TablemapError(
                     f"expected {Truth.beside(recording).name} beside the recording: {recording}"
@@ -253,6 +255,10 @@ def score_run(run: AnyPath, truth: AnyPath | None = None) -> RunScore:
             f"{manifest.recording.path}"
         )
     file = truth or Truth.beside(Path(manifest.recording.path))
+    if truth is None and not is_file(Truth.beside(Path(manifest.recording.path))):
+        raise TablemapError(
+            f"expected a truth beside the run's recording, found none; give --truth FILE: {file}"
+        )
     result = score(folder.model, Truth.load(file))
     name = Path(manifest.recording.path).stem
     return RunScore(name, manifest.seed, manifest.method, result, None, manifest.timings)

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tablemap.errors import ProcessWarning, TablemapError
+from tablemap.errors import ConfigError, ProcessWarning, TablemapError
 from tablemap.export.files import write_files
-from tablemap.export.registry import Format, check_formats
+from tablemap.export.registry import Format, all_formats, check_formats
+from tablemap.files import is_folder
 from tablemap.paths import AnyPath, as_path
 
 if TYPE_CHECKING:
@@ -36,9 +37,9 @@ def export_model(
     """Write a model in each format to ``output/<format>/``: all files, or none of them.
 
     ``name`` is the name of the object and its files. With one format, ``output`` may also be the
-    file itself, if it has the format's suffix. Raises `ConfigError` for an unknown format, and
-    `TablemapError` if the model cannot be exported, a file cannot be written, or ``name`` is not a
-    valid file name.
+    file itself, if it has the format's suffix. Raises `ConfigError` for an unknown format, or a
+    file's name that is not of the single format, and `TablemapError` if the model cannot be
+    exported, a file cannot be written, or ``name`` is not a valid file name.
     """
     if name in ("", ".", "..") or as_path(name).name != name:
         raise TablemapError(f"expected a name for the table's files, found {name!r}.")
@@ -108,10 +109,23 @@ def _export(
 
 
 def _is_file(output: Path, formats: tuple[Format, ...]) -> bool:
-    """Tell whether ``output`` names the file of the single format, such as ``table.glb``."""
-    return (
-        len(formats) == 1 and formats[0].is_single_file and output.suffix == f".{formats[0].name}"
-    )
+    """Tell whether ``output`` names the file of the single format, such as ``table.glb``.
+
+    Raises `ConfigError` where it names a file of anything else: a folder of that name misleads.
+    """
+    of_one = len(formats) == 1 and formats[0].is_single_file
+    if of_one and output.suffix == f".{formats[0].name}":
+        return True
+    if output.suffix in _suffixes() and not is_folder(output):
+        wanted = f"FILE.{formats[0].name} or a folder" if of_one else "a folder"
+        names = " and ".join(each.name for each in formats)
+        raise ConfigError(f"expected {wanted} as output of {names}, found a file's name: {output}")
+    return False
+
+
+def _suffixes() -> set[str]:
+    """Return how the names of exported files end."""
+    return {Path(file).suffix for each in all_formats().values() for file in each.files}
 
 
 def _tables(run: AnyPath) -> tuple[Path, dict[str, Path]]:

@@ -110,7 +110,7 @@ def _first_bytes(path: Path) -> bytes:
         with opened_regular(path) as file:
             return file.read(64)
     except FileNotFoundError:
-        raise RecordingError(f"There is no such file: {path}") from None
+        raise RecordingError(f"there is no such file: {path}") from None
     except OSError as error:
         reason = error.strerror or error
         raise RecordingError(f"The file cannot be opened ({reason}): {path}") from error

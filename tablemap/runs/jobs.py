@@ -8,7 +8,7 @@ from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from tablemap.archive.folder import RunFolder, load_run
+from tablemap.archive.folder import RunFolder, read_manifest
 from tablemap.archive.manifest import LEAVE_A_MODEL, versions
 from tablemap.config import Config, dump_config
 from tablemap.errors import ConfigError, TablemapError
@@ -111,7 +111,8 @@ def runs_of(recording: AnyInput, output: Path) -> list[RunFolder]:
     ):
         if not path.parent.is_symlink():
             with suppress(TablemapError):  # an unreadable run cannot be the right one
-                found.append(load_run(path.parent))
+                manifest = read_manifest(path.parent, given=path.parent)
+                found.append(RunFolder(path.parent, manifest))
     return found
 
 

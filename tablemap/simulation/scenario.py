@@ -6,6 +6,7 @@ which the seed draws one value a recording.
 
 from __future__ import annotations
 
+import difflib
 import tomllib
 from pathlib import Path
 from typing import Annotated, Literal
@@ -370,9 +371,11 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
     if path.suffix != ".toml":
         path = SCENARIOS / f"{known_name(str(name_or_path), scenario_names())}.toml"
         if not path.is_file():
+            near = difflib.get_close_matches(str(name_or_path), scenario_names(), n=1, cutoff=0.0)
             raise ConfigError(
-                f"There is no scenario named {str(name_or_path)!r}; there are "
-                f"{', '.join(scenario_names())}. A file's name must end in .toml."
+                f"there is no scenario {str(name_or_path)!r}; the nearest is {near[0]!r}, and "
+                "`tablemap simulate --list` shows those that there are. A file's name must end "
+                "in .toml."
             )
     try:
         settings = tomllib.loads(read_text(path))

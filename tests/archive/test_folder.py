@@ -52,6 +52,14 @@ def test_latest_names_the_last_run_that_left_a_model(recording: Path, tmp_path: 
     assert load_run(failed.path).manifest.error == "no table"
 
 
+def test_without_a_model_the_last_run_is_opened(recording: Path, tmp_path: Path) -> None:
+    """The folder of a recording that only failed has runs that tell why."""
+    for error in ("no table", "still none"):
+        make(recording, tmp_path / "runs").finish("failed", error=error)
+    newest = max(path.name for path in (tmp_path / "runs" / "lap").iterdir())
+    assert load_run(tmp_path / "runs" / "lap").path.name == newest
+
+
 def test_no_half_written_file_is_left(recording: Path, tmp_path: Path) -> None:
     """What bears its name is whole, and nothing else lies about."""
     run = make(recording, tmp_path / "runs")

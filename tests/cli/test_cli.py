@@ -330,7 +330,11 @@ WRONG = {
     ),
     "evaluate text.mcap": (1, None),
     "evaluate --suite nonsense": (2, None),
-    "simulate nonsense -o x.mcap": (2, None),
+    "simulate stols -o x.mcap": (
+        2,
+        "tablemap: there is no scenario 'stols'; the nearest is 'stool', and `tablemap simulate "
+        "--list` shows those that there are. A file's name must end in .toml.",
+    ),
     "simulate demo -o text.mcap/x.mcap": (1, None),
     "process s3://": (
         1,
@@ -363,6 +367,18 @@ WRONG = {
     "export lap/run --to svg --set export.thickness=-1": (2, None),
     "export lap/run --to nav2 --set export.resolution=0": (2, None),
     "export lap/run --to svg -o text.mcap": (1, None),
+    "export lap/run --to svg --to glb -o a.svg": (
+        2,
+        "tablemap: expected a folder as output of svg and glb, found a file's name: a.svg",
+    ),
+    "export lap/run --to nav2 -o a.pgm": (
+        2,
+        "tablemap: expected a folder as output of nav2, found a file's name: a.pgm",
+    ),
+    "export lap/run --to obj -o a.glb": (
+        2,
+        "tablemap: expected FILE.obj or a folder as output of obj, found a file's name: a.glb",
+    ),
     "export lap/failed --to svg": (1, None),
     "export none.json --to svg": (1, None),
     "view runs": (1, None),
@@ -371,7 +387,12 @@ WRONG = {
     "view text.mcap --start x": (2, None),
     "simulate bad.toml -o a.mcap": (2, None),
     "simulate none.toml -o a.mcap": (2, None),
-    "evaluate lap/run": (1, None),
+    "evaluate none": (1, "tablemap: there is no such file: none"),
+    "evaluate lap/run": (
+        1,
+        "tablemap: expected a truth beside the run's recording, found none; give --truth FILE: "
+        "/gone/lap.truth.json",
+    ),
     "evaluate lap/run --truth none.json": (1, None),
     "evaluate lap/failed --truth text.mcap": (1, None),
     "config --config runs": (2, None),

@@ -137,6 +137,13 @@ def test_all_tables_are_told_in_a_row_each(with_all: Path) -> None:
         assert second.rstrip().split(maxsplit=2) == ["table", "02", f"none: {WHY_NONE}"]
 
 
+def test_a_run_that_is_there_is_told_as_when_it_was_made(with_all: Path) -> None:
+    """By the same path, and in the same words."""
+    first, second = (tablemap_here("process", "lap.mcap", cwd=with_all) for _ in range(2))
+    assert "is done already" in second.stderr
+    assert second.stdout == first.stdout
+
+
 def test_a_batch_tells_all_tables_of_each_recording(with_all: Path) -> None:
     """After the table of the chosen ones, a line each."""
     told = tablemap_here("process", "lap.mcap", "second.mcap", "--all", "-q", cwd=with_all)

@@ -75,6 +75,7 @@ def list_(
     from tablemap.archive.index import list_runs
     from tablemap.archive.selection import Selection
 
+    found = list_runs(folder)
     rows = Selection(
         recording=recording,
         shape=shape or (),
@@ -84,7 +85,7 @@ def list_(
         until=until,
         where=where or (),
         sort=sort,
-    ).of(list_runs(folder))
+    ).of(found)
     if as_json:
         lines = ",\n".join(json.dumps(row.to_dict()) for row in rows)
         say(f"[\n{lines}\n]" if rows else "[]")
@@ -93,7 +94,7 @@ def list_(
     elif rows:
         say(aligned(_run_rows(rows)))
     else:
-        say(f"no such run in {folder}", err=True)
+        say(f"no {'such ' if found else ''}run in {folder}", err=True)
 
 
 def _run_rows(rows: Sequence[RunRow]) -> Iterator[tuple[str, ...]]:

@@ -34,7 +34,8 @@ def files_of(folder: Path, *, warnings: list[ProcessWarning]) -> list[Path]:
             )
         raise RecordingError(
             f"The folder has {len(inside)} recordings and no {METADATA} to say what belongs "
-            f"together; name one of them, or all of one drive with --together: {folder}"
+            "together; name one of them; files of one drive are for `process` --together: "
+            f"{folder}"
         )
     files = [folder / name for name in listed]
     missing = [file.name for file in files if not is_file(file)]
