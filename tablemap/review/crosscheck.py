@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tablemap.review.markdown import told
 from tablemap.review.stream import Stream
 from tablemap.stages.crosscheck import CrossCheck
 
@@ -45,7 +46,8 @@ def summary(result: CrossCheck) -> str:
                 if result.is_found
                 else []
             ),
-            *[warning.message for warning in result.warnings],
+            "",
+            *told(result.warnings),
         ]
     )
 

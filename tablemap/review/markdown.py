@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from tablemap.errors import ProcessWarning
 from tablemap.model.shapes import is_angle
 
 MOST_ROWS = 60
@@ -24,6 +25,15 @@ def links(**entities: str) -> str:
     """Return a line with links to entities, by their names; a click selects them in the viewer."""
     named = [f"[{name.replace('_', ' ')}](recording://{path})" for name, path in entities.items()]
     return f"Select: {', '.join(named)}"
+
+
+def told(warnings: Iterable[ProcessWarning]) -> list[str]:
+    """Return a stage's warnings as lines, what doubts the figures first.
+
+    They stand beside the view that shows what they are about.
+    """
+    ordered = sorted(warnings, key=lambda one: not one.code.startswith("accuracy."))
+    return [*(f"- `{one.code}`: {one.message}" for one in ordered[:MOST_ROWS]), ""]
 
 
 def metres(value: float, sigma: float | None) -> str:

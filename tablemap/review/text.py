@@ -12,7 +12,7 @@ import numpy as np
 
 from tablemap.geometry import Pose2
 from tablemap.review import wording
-from tablemap.review.markdown import MOST_ROWS, figure, links, metres, table
+from tablemap.review.markdown import MOST_ROWS, figure, links, metres, table, told
 from tablemap.stages.calibration import Calibration
 from tablemap.stages.legs import Legs
 from tablemap.stages.odometry import Odometry
@@ -60,6 +60,7 @@ def calibration(result: Calibration) -> str:
     return "\n".join(
         [
             "## Camera, from the floor" + (" and the top" if result.sees_top else ""),
+            *told(result.warnings),
             table(
                 ("correction", "value"),
                 [
@@ -119,6 +120,7 @@ def segmentation(result: Segmentation) -> str:
     return "\n".join(
         [
             "## Candidate tables",
+            *told(result.warnings),
             f"The chosen top lies at {result.height:.3f} m as the views' planes have it. The "
             "summary has the model's height, which edges and depth scale have corrected.",
             "",
@@ -170,6 +172,7 @@ def odometry(result: Odometry) -> str:
     return "\n".join(
         [
             f"## Odometry from {result.source}",
+            *told(result.warnings),
             f"{result.scans_used} scans used, {result.scans_skipped} skipped. "
             f"Error over a metre: {1000 * max(spread[0], spread[1]):.1f} mm, "
             f"{np.degrees(spread[2]):.2f}°."
@@ -228,6 +231,7 @@ def registration(result: Registration) -> str:
     return "\n".join(
         [
             f"## Stops registered by {result.source}",
+            *told(result.warnings),
             f"{sum(result.used)} of {len(result.used)} used; systematic sigma "
             f"{1000 * result.systematic:.1f} mm. Pairs: {said or 'none'}. Lines, and the "
             "dots of the matrix, show how well the registered poses agree with the pairs; grey: "
@@ -300,6 +304,7 @@ def outline(result: Outline) -> str:
     return "\n".join(
         [
             "## Edges by view",
+            *told(result.warnings),
             f"They lie in the plane at {result.height:.3f} m: before the fit, which corrects it. "
             f"Thickness {thickness}. {LEGEND}",
             "",
@@ -336,6 +341,7 @@ def surface(result: Surface) -> str:
     return "\n".join(
         [
             f"## {result.shape.capitalize()}",
+            *told(result.warnings),
             wording.residuals(result.residuals),
             "",
             links(
@@ -373,6 +379,7 @@ def legs(result: Legs) -> str:
     return "\n".join(
         [
             f"## {counted(len(result.legs), 'leg')}",
+            *told(result.warnings),
             *[f"{links(legs='legs/names', points='legs/evidence')}\n" for _ in found[:1]],
             table(("leg", "x, y", "sigma", "size", "status", "views"), found) if found else "",
             "",

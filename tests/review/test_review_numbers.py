@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
+from dataclasses import is_dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
+from tablemap.errors import ProcessWarning
 from tablemap.model import TableModel
 from tablemap.model.summary import summary_rows
-from tablemap.review import story, text, wording
+from tablemap.review import crosscheck, story, text, wording
 from tablemap.review.markdown import metres
+from tablemap.stages.calibration import Calibration
+from tablemap.stages.crosscheck import CrossCheck
 from tablemap.stages.legs import Legs
+from tablemap.stages.odometry import Odometry
 from tablemap.stages.outline import Outline
 from tablemap.stages.registration import Registration
 from tablemap.stages.segmentation import Segmentation
@@ -45,6 +51,37 @@ def model(run: list[object]) -> TableModel:
 def the(kind: type, run: list[object]) -> object:
     """The last result of a kind."""
     return [one for one in run if isinstance(one, kind)][-1]
+
+
+@pytest.mark.parametrize(
+    ("kind", "written"),
+    [
+        (Calibration, text.calibration),
+        (Segmentation, text.segmentation),
+        (Odometry, text.odometry),
+        (Registration, text.registration),
+        (Outline, text.outline),
+        (Surface, text.surface),
+        (CrossCheck, crosscheck.summary),
+        (Legs, text.legs),
+    ],
+)
+def test_a_stage_s_pane_tells_its_doubts(
+    kind: type, written: Callable[[object], str], run: list[object]
+) -> None:
+    """Beside the view that shows what they are about; notes come after them."""
+    result = the(kind, run)
+    assert is_dataclass(result)
+    warnings = [
+        ProcessWarning(code, "surface", f"what {code} says")
+        for code in ("legs.no_laser", "accuracy.hidden_rim")
+    ]
+    lines = written(replace(result, warnings=tuple(warnings))).splitlines()
+    told = [line for line in lines if line.startswith("- `")]
+    assert told == [
+        "- `accuracy.hidden_rim`: what accuracy.hidden_rim says",
+        "- `legs.no_laser`: what legs.no_laser says",
+    ]
 
 
 def test_the_height_has_one_sigma(run: list[object], review: Path, model: TableModel) -> None:
