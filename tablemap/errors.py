@@ -44,6 +44,9 @@ WARNING_CODES: dict[str, str] = {
     "registration.pair_dropped": "Pairs of snapshots disagree with the rest.",
     "legs.set_aside": "Things stand under or near the top and are no legs of it.",
     "recording.no_pose": "Depth images or a laser were left out, as their pose is unknown.",
+    "recording.localisation_gap": (
+        "The localisation sent nothing for a while; the wheels carried its last pose on."
+    ),
     "recording.pose_topic": "TF lacks poses; those on another topic were taken.",
     "recording.clock": (
         "A sensor's clock is off, as the motion shows, and its stamps were moved; or its messages "

@@ -17,6 +17,7 @@ from tablemap.recording.roles import Roles, camera_frame, with_laser
 from tablemap.recording.tf.collector import TransformCollector
 from tablemap.recording.tf.frame_roles import FrameNames, conflicts, find_frames
 from tablemap.recording.tf.frames import TransformTree
+from tablemap.recording.tf.holding import held_corrections
 from tablemap.recording.tf.poses import PoseTrack, completed, with_extrinsics
 from tablemap.recording.tf.restarts import joined_restarts
 from tablemap.recording.topics import Topic
@@ -64,7 +65,8 @@ def placed(
     except RecordingError as error:
         raise RecordingError(f"{error} {cause}".strip()) from error
     tree, restarts = joined_restarts(tree, names)
-    warnings += restarts
+    tree, held = held_corrections(tree, names)
+    warnings += [*restarts, *held]
     roles, choices = with_laser(roles, names.laser, strangers, cause=cause)
     warnings += [*choices, *conflicts(tree, names)]
     return Placed(tree, names, roles, localisation, warnings)

@@ -3,7 +3,7 @@
 Between two samples the place is interpolated linearly and the attitude on the great circle. Nothing
 is extrapolated by more than `TOLERANCE_NS`. A gap longer than `MAX_GAP_NS` is interpolated only if
 its ends agree (`GAP_METRES`, `GAP_RADIANS`), which bounds the error. An edge that is static, or
-whose samples are all equal, is valid at any time.
+whose samples are all equal, is valid at any time, and so is an edge that is held.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ Stamps = Ints
 class TransformEdge:
     """``parent_from_child`` over time: (n,) stamps ascending, (n, 3) metres, (n, 4) xyzw.
 
-    ``conflict`` says that other sources sent the edge, too, with other values.
+    - ``conflict``: other sources sent the edge, too, with other values
+    - ``is_held``: each sample is valid until the next one, the first one before it, too
     """
 
     parent: str
@@ -42,6 +43,7 @@ class TransformEdge:
     translations: Floats
     quaternions: Floats
     conflict: Conflict | None = None
+    is_held: bool = False
 
     @property
     def is_static(self) -> bool:
@@ -77,6 +79,9 @@ class TransformEdge:
         valid &= near | ~unbridged
         # In a gap that may not be interpolated, a stamp close to a sample takes that sample.
         fraction = np.where(unbridged, np.rint(fraction), fraction)
+        if self.is_held:
+            fraction = np.where(valid | (until < 0), fraction, 0.0)
+            valid = np.ones_like(valid)
         places = self.translations[before] * (1 - fraction[:, None])
         places += self.translations[after] * fraction[:, None]
         turns = slerp(self.quaternions[before], self.quaternions[after], fraction)
