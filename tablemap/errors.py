@@ -36,6 +36,7 @@ WARNING_CODES: dict[str, str] = {
     "recording.silent_sensor": (
         "The messages of a sensor are empty or impossible; they were not used."
     ),
+    "recording.own_body": "Beams of the laser meet the robot itself; these were left out.",
     "recording.topic_choice": "Several topics fitted a role; one was chosen.",
     "snapshots.set_aside": "Depth images became no snapshot.",
     "snapshots.camera": "Values of the depth camera's kind or name took the place of defaults.",

@@ -14,6 +14,7 @@ from tablemap.config import LimitsConfig, TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError, cause_named
 from tablemap.geometry import Floats
 from tablemap.inputs import AnyInput, Input
+from tablemap.recording.blocked import Blocked, blocked
 from tablemap.recording.calibrations import Calibrations, valid_calibrations
 from tablemap.recording.carried import carried_warnings
 from tablemap.recording.channels import Channels, Stamped, only
@@ -91,7 +92,7 @@ class Recording(SensorStreams):
         self._turns = quarter_turns(mounts[known])
         self._pose_stamps = pose_stamps(self.tree, self.names.fixed, self.names.carrier)
         self.start_ns, self.end_ns = self._span()
-        self._unseen = self._learnt_unseen()
+        self._unseen, self._blocked = self._learnt_of_scans()
         self._recent = RecentScans()  # from here on scans come out as they stay
         self.names = self._names_without_silent_laser()
 
@@ -266,18 +267,30 @@ class Recording(SensorStreams):
             )
         return Stamped(have.stamps_ns[~gone], have.log_times_ns[~gone])
 
-    def _learnt_unseen(self) -> Unseen | None:
-        """Learn from scans of different places which range stands for nothing seen, and say it."""
+    def _learnt_of_scans(self) -> tuple[Unseen | None, Blocked | None]:
+        """Learn from scans of different places which ranges are no thing of the room, and say it.
+
+        They stand for nothing seen, or are parts of the robot itself.
+        """
         poses, known = self.fixed_from_bases(self.scan_stamps())
         stamps = self.scan_stamps()[known][places_apart(poses[known])]
-        unseen = learnt(list(self.scans(stamps_ns=stamps)))
-        if unseen is not None and self.roles.laser is not None:
+        scans = list(self.scans(stamps_ns=stamps))
+        if self.roles.laser is None or not scans:
+            return None, None
+        unseen, own = learnt(scans), blocked(scans)
+        if unseen is not None:
             self._say_once(
                 "recording.silent_sensor",
                 f"The laser on {self.roles.laser.name} sends {unseen} where it sees nothing; such "
                 "beams were taken as free.",
             )
-        return unseen
+        if own is not None:
+            self._say_once(
+                "recording.own_body",
+                f"The laser on {self.roles.laser.name} sees the robot itself in {own}; they were "
+                "left out.",
+            )
+        return unseen, own
 
     def _names_without_silent_laser(self) -> FrameNames:
         """Return the frames; drop the laser's, with a warning, if none of its scans has returns."""

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.geometry import Floats
+from tablemap.recording.blocked import Blocked
 from tablemap.recording.calibrations import Calibrations
 from tablemap.recording.channels import Channels, Stamped, only
 from tablemap.recording.depth import decode_depth
@@ -92,6 +93,7 @@ class SensorStreams(RobotPoses):
     _turns: int
     _pose_stamps: Stamps
     _unseen: Unseen | None = None
+    _blocked: Blocked | None = None
     _recent: RecentScans | None = None
 
     def __init__(self, warnings: list[ProcessWarning]) -> None:
@@ -243,7 +245,9 @@ class SensorStreams(RobotPoses):
                     f"The beams of scans on {self.roles.laser.name} were taken as of one moment: "
                     f"their time_increment of {message.time_increment:g} s cannot be.",
                 )
-            yield scan if self._unseen is None else self._unseen.removed(scan)
+            if self._unseen is not None:
+                scan = self._unseen.removed(scan)
+            yield scan if self._blocked is None else self._blocked.removed(scan)
 
     def _rectification(
         self, message: Image | CompressedImage, width: int, height: int

@@ -206,7 +206,9 @@ def _cleaned(scan: LaserScan) -> _Beams:
     lost = ~unknown & (ranges >= far)
     # A driver without an infinity marks lost beams as NaN or zero.
     unknown_value = np.nan if lost.any() else np.inf
-    return _bridged(np.where(lost, np.inf, np.where(unknown, unknown_value, ranges)))
+    cleaned = np.where(lost, np.inf, np.where(unknown, unknown_value, ranges))
+    # Minus infinity is what was too near (REP 117): behind it nothing is known.
+    return _bridged(np.where(np.isneginf(ranges), np.nan, cleaned))
 
 
 def _bridged(ranges: Floats) -> _Beams:
