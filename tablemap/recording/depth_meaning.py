@@ -38,10 +38,12 @@ DOUBTED = 9.0
 """Chi squared of 2 degrees of freedom, from which on the floor contradicts the calibration."""
 AGREED = 4.0
 
-_UNITS = (0.0001, 0.000125, 0.0002, 0.00025, 0.0005)  # metres, of drivers of 16-bit depth
+_UNITS = (0.0001, 0.000125, 0.0002, 0.00025, 0.0004, 0.0005)  # metres, of drivers of 16-bit depth
 _UNIT_SHARE = 0.06  # the floor's ratio is within this share of a unit's
 # Metres, of the median of what a camera in a room sees: the least, the most and the usual.
 _NEAREST, _FARTHEST, _USUAL = 0.1, 15.0, 2.0
+_TOO_NEAR = 0.3  # of the floor's distance: the camera is higher above any table than that
+_NOTHING_BEYOND = 1.5  # metres: a room is larger
 _SURE = 2.0  # times as much floor as of the next reading, that makes it beyond doubt
 _LIKELY = 1.4
 _LEAST_FLOOR = 0.12  # of what lies below the horizon
@@ -128,7 +130,7 @@ def judge(
     sure = ratio.share >= _SURE * recorded if best != given else plausible
     found = best if factor is None else replace(best, factor=factor)
     if found == given:
-        return given, _off_scale(ratio, topic) if scaled else []
+        return given, _off_scale(views, given, ratio, unit, topic) if scaled else []
     if not (sure and plausible):
         doubt = _said(found, given, unit, topic, ratio, recorded)
         message = f"{doubt}; this is not sure enough to change anything."
@@ -191,15 +193,32 @@ def _unit_factor(ratio: float, unit: float) -> float | None:
     return nearest / unit if close else None
 
 
-def _off_scale(ratio: Ratio, topic: str) -> list[ProcessWarning]:
-    """Say where all lies a multiple too far, beyond what a camera's height can be off."""
-    if np.log(ratio.value) < PLAUSIBLE:
+def _off_scale(
+    views: Sequence[FloorView], given: DepthMeaning, ratio: Ratio, unit: float, topic: str
+) -> list[ProcessWarning]:
+    """Say where all lies a multiple too far or too near, beyond an error of a camera's height.
+
+    What is too near may be a table that hides the floor, unless nothing at all is far away.
+    """
+    too_far = np.log(ratio.value) >= PLAUSIBLE
+    values = np.concatenate([view.values for view in views]) * given.factor
+    too_near = ratio.value < _TOO_NEAR and np.quantile(values, 0.99) < _NOTHING_BEYOND
+    if not (too_far or too_near):
         return []
     message = (
         f"The floor on {topic} is {ratio.value:.2f} times as far as TF has it: check the depth's "
-        "unit (--set topics.depth_unit=METRES) and the camera's height in TF."
+        f"unit (--set topics.depth_unit={_round(unit * given.factor / ratio.value):.3g} would fit) "
+        "and the camera's height in TF."
     )
     return [ProcessWarning("accuracy.depth_meaning", "recording", message)]
+
+
+def _round(unit: float) -> float:
+    """Return the number near a unit that somebody may have chosen, else the unit to two digits."""
+    power = 10.0 ** np.floor(np.log10(unit))
+    chosen = [power * step for step in (1, 1.25, 2, 2.5, 4, 5, 6.25, 8, 10)]
+    nearest = float(min(chosen, key=lambda each: abs(np.log(unit / each))))
+    return nearest if abs(np.log(unit / nearest)) < _UNIT_SHARE else float(f"{unit:.2g}")
 
 
 def _implausible(

@@ -19,7 +19,7 @@ MOST_VIEWS = 6
 
 _BELOW = 0.1  # a ray that sinks by less per metre meets the floor too far away
 _BIN = 0.01  # of the logarithm of the ratio
-_LOGS = (-1.5, 8.0)
+_LOGS = (-3.0, 8.0)
 _LEAST_SHARE = 0.08  # of all that lies below the horizon: less is no floor
 _NEAR = 3.0  # metres, within which the floor is fitted
 _BANDS = (0.06, 0.04, 0.03, 0.02, 0.02, 0.02)

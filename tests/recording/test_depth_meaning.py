@@ -239,3 +239,17 @@ def test_matrices_that_disagree(tmp_path: Path, plain_recording: Path) -> None:
     (warning,) = assert_same(path, plain_recording, metres=1e-6)
     assert warning.code == "recording.calibration"
     assert "K of" in warning.message
+
+
+@pytest.mark.parametrize("unit", [0.005, 0.01])
+def test_coarser_units_are_named(tmp_path: Path, plain_recording: Path, unit: float) -> None:
+    """A room in which nothing is a metre away has another unit; the warning tells which."""
+
+    def coarser(entry: Entry) -> Entry:
+        return with_depth(entry, np.round(depth_of(entry) * (0.001 / unit)).astype(np.uint16))
+
+    path = rewrite(plain_recording, tmp_path / "r.mcap", imaged(coarser))
+    (warning,) = read(path)[1]
+    assert warning.code == "accuracy.depth_meaning"
+    assert f"topics.depth_unit={unit:g} would fit" in warning.message
+    assert [each.code for each in read(path, TopicsConfig(depth_unit=unit))[1]] == []

@@ -130,6 +130,35 @@ def test_roles_by_name_with_prefix() -> None:
     assert names.base in ("r1/base_footprint", "r1/base_link")
 
 
+def test_a_footprint_below_the_base_is_the_base() -> None:
+    """A base_link above the floor may carry the footprint that says where the floor is."""
+    tree = tree_of(
+        *drive("odom", "base_link"),
+        (0, "base_link", "base_footprint", (0, 0, -0.08), 0),
+        (0, "base_link", "camera", (0, 0, 1.0), 0),
+        *drive("odom", "r2/base_footprint"),
+    )
+    names = find_frames(tree, camera="camera", lasers=[], config=TopicsConfig())
+    assert names.base == "base_footprint"
+    parked = tree_of(
+        *drive("map", "base_link"),
+        (0, "base_link", "camera", (0, 0, 1.0), 0),
+        (0, "map", "r2/base_footprint", (3, 0, 0), 0),
+    )
+    assert find_frames(parked, camera="camera", lasers=[], config=TopicsConfig()).base == (
+        "base_link"
+    )
+
+
+def test_a_map_below_utm_is_a_place_on_earth() -> None:
+    """UTM's northing has millions of metres, and is no damage."""
+    collector = TransformCollector()
+    there = (4.5e5, 5.6e6, 200.0)
+    collector.add(TransformStamped(0, "utm", "map", there, LEVEL, True))
+    assert collector.tree().frames == ("map", "utm")
+    assert not collector.rejected
+
+
 def test_roles_by_motion_where_no_name_tells() -> None:
     """The last frame that drives in the plane is the base, what carries it the odometry."""
     tree = tree_of(

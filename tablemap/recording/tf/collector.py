@@ -28,8 +28,8 @@ from tablemap.recording.tf.tracks import (
 )
 from tablemap.words import counted
 
-FARTHEST = 1e6
-"""Damaged messages may have any number: a place a thousand kilometres away is not valid."""
+FARTHEST = 2e7
+"""Damaged messages may have any number: a place farther away is not on Earth (UTM, ECEF)."""
 LONE_SHARE = 20
 """What is said by so many times fewer messages than something else is not believed."""
 

@@ -202,7 +202,8 @@ def _base(tree: TransformTree, names: FrameNames, given: str) -> str | None:
         return given
     between = [edge.child for edge in tree.path(names.fixed, names.camera)[1]]
     named = [frame for frame in _named(tree, BASE_NAMES) if _belongs(tree, names, frame)]
-    named.sort(key=lambda frame: frame not in between)  # another robot's base is not on the way
+    # Another robot's base is neither on the way to the camera nor fixed to a frame that is.
+    named.sort(key=lambda frame: not _is_fixed_to_one(tree, frame, between))
     for frame in named:
         if frame != names.fixed and _is_planar(tree, names.fixed, frame):
             return frame
@@ -220,6 +221,13 @@ def _belongs(tree: TransformTree, names: FrameNames, frame: str) -> bool:
         return False
     up_frame, up_camera = tree.path(frame, names.camera)
     return all(edge.parent != names.fixed for edge in (*up_frame, *up_camera)) or not up_frame
+
+
+def _is_fixed_to_one(tree: TransformTree, frame: str, others: Sequence[str]) -> bool:
+    """Tell whether a frame is one of others, or never moves against one of them."""
+    return frame in others or any(
+        tree.connected(frame, other) and not tree.moving_edges(frame, other) for other in others
+    )
 
 
 def _carries(tree: TransformTree, names: FrameNames, laser: str) -> bool:
