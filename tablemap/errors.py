@@ -90,6 +90,9 @@ WARNING_CODES: dict[str, str] = {
     "accuracy.tf_conflict": (
         "Two sources send one transform and disagree; the one that sent most was taken."
     ),
+    "accuracy.laser_mounting": (
+        "The laser's scans fit the wheels' motion only if it is mounted otherwise than TF says."
+    ),
     "accuracy.few_views": "Too few views see the table to check one against another.",
     "accuracy.height_scatter": "The views disagree on the height of the top.",
     "accuracy.two_levels": (

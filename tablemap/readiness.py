@@ -218,6 +218,9 @@ def _laser(recording: Recording, viewpoints: list[Viewpoint]) -> RoleFitness:
         for each in viewpoints
     )
     says = f"{counted(len(stamps), 'scan')} of {angle:.0f} degrees, {returns:.0%} of beams return"
+    wrong = [each.message for each in recording.warnings if each.code == "accuracy.laser_mounting"]
+    if wrong:
+        return RoleFitness("laser", "weak", f"{says}; {wrong[0]}")
     if without:
         return RoleFitness("laser", "weak", f"{says}; {counted(without, 'view')} without a scan")
     if angle < LEAST_LASER_ANGLE:

@@ -12,7 +12,7 @@ import numpy as np
 
 from tablemap.config import LimitsConfig, TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError, cause_named
-from tablemap.geometry import Floats
+from tablemap.geometry import Floats, planar
 from tablemap.inputs import AnyInput, Input
 from tablemap.recording.blocked import Blocked, blocked
 from tablemap.recording.calibrations import Calibrations, valid_calibrations
@@ -21,6 +21,7 @@ from tablemap.recording.channels import Channels, Stamped, only
 from tablemap.recording.depth import decode_depth
 from tablemap.recording.depth_meaning import DepthMeaning
 from tablemap.recording.judgement import Sample, judged, sampled, spread
+from tablemap.recording.laser_mount import Mount, said, told_by_wheels, turned_laser
 from tablemap.recording.messages import CameraInfo, CompressedImage, DecodingError, Image
 from tablemap.recording.pose_topics import read_poses
 from tablemap.recording.raw import Source
@@ -93,6 +94,7 @@ class Recording(SensorStreams):
         self._pose_stamps = pose_stamps(self.tree, self.names.fixed, self.names.carrier)
         self.start_ns, self.end_ns = self._span()
         self._unseen, self._blocked = self._learnt_of_scans()
+        self._settle_laser_mount()
         self._recent = RecentScans()  # from here on scans come out as they stay
         self.names = self._names_without_silent_laser()
 
@@ -291,6 +293,30 @@ class Recording(SensorStreams):
                 "left out.",
             )
         return unseen, own
+
+    def _settle_laser_mount(self) -> None:
+        """Turn the laser as its own scans have it, and say where TF has it wrong."""
+        laser, names = self.roles.laser, self.names
+        if laser is None or names.laser is None or names.odom is None:
+            return
+        if self.tree.moving_edges(names.carrier, names.laser):
+            return
+        stamps = self.scan_stamps()
+        poses, known = self.odom_from_bases(stamps)
+        scans = list(self.scans(stamps_ns=stamps[known][places_apart(poses[known])]))
+        # A scan shows the room as of the middle of its sweep.
+        middles = [scan.stamp_ns + round(scan.sweep_seconds / 2 * 1e9) for scan in scans]
+        poses, known = self.odom_from_bases(np.array(middles, dtype=np.int64))
+        if not known.any():
+            return
+        scans = [scan for scan, is_known in zip(scans, known, strict=True) if is_known]
+        given = Mount.of(self.base_from_laser(scans[0].stamp_ns))
+        told = told_by_wheels(scans, planar(poses[known]), given)
+        if told.mount != given:
+            self.tree = turned_laser(self.tree, names.laser, given, told.mount)
+        message = said(told, given, topic=laser.name, base=names.base, frame=names.laser)
+        if message:
+            self._say_once("accuracy.laser_mounting", message)
 
     def _names_without_silent_laser(self) -> FrameNames:
         """Return the frames; drop the laser's, with a warning, if none of its scans has returns."""

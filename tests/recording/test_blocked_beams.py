@@ -88,5 +88,3 @@ def _scan(near: range) -> LaserScan:
         range_max=20.0,
         ranges=ranges,
     )
-
-

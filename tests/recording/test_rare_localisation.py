@@ -1,4 +1,4 @@
-"""Corrections of the odometry that come rarely, start late or end early are carried by the wheels."""
+"""Corrections of the odometry that come rarely, or not all the time: the wheels carry them on."""
 
 from __future__ import annotations
 
