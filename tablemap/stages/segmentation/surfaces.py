@@ -199,10 +199,27 @@ _UNDER_M = 0.12  # metres below a top: from here on it is the space under the to
 _LEAST_CELLS = 6
 
 
-def _count(region: Bools, cells: Ints) -> int:
-    """Return the number of cells of a region that occur at least twice among the given cells."""
+def _hit(region: Bools, cells: Ints) -> Ints:
+    """Return the cells (n, 2) of a region that occur at least twice among the given cells."""
     hits = np.bincount(cells[:, 0] * region.shape[1] + cells[:, 1], minlength=region.size)
-    return int((region.ravel() & (hits >= 2)).sum())
+    return np.argwhere(region & (hits.reshape(region.shape) >= 2))
+
+
+def _beyond(cells: Ints, camera: Floats, surface: Bools) -> Bools:
+    """Tell which cells (n, 2) the camera sees over the surface: on the way there, it lies below.
+
+    ``camera`` (2,), in cells. A body hides its own sides that face away from the camera: what is
+    seen there is another thing, like a chair at the far side of a table.
+    """
+    way = camera - (cells + 0.5)
+    length = np.maximum(np.hypot(*way.T), 1e-6)
+    steps = np.arange(1, int(np.hypot(*surface.shape)) + 1)
+    taken = np.minimum(steps, length[:, None])[..., None]
+    passed = np.floor(cells[:, None] + 0.5 + taken * (way / length[:, None])[:, None]).astype(int)
+    inside = ((passed >= 0) & (passed < surface.shape)).all(axis=-1)
+    rows, columns = np.where(inside[..., None], passed, 0).reshape(-1, 2).T
+    crossed: Bools = (surface[rows, columns].reshape(inside.shape) & inside).any(axis=1)
+    return crossed
 
 
 def convex(points: NDArray[np.number]) -> shapely.Geometry:
@@ -225,8 +242,8 @@ def surroundings(view: SampledView, places: Floats, height: float) -> tuple[floa
 
     ``places`` (n, 2), metres in the base, are on the surface. The open share is that of cells seen
     under the surface among these and the cells of a front; None if neither was seen. Under a table
-    there is a view of what lies behind; a couch, a bench or a cupboard has a front. A backrest, an
-    arm or a wall rises at the rim.
+    there is a view of what lies behind; a couch, a bench or a cupboard has a front, on a side that
+    faces the camera. A backrest, an arm or a wall rises at the rim.
     """
     margin = 5
     cells = np.unique(np.floor(places / CELL_M).astype(np.int64), axis=0)
@@ -267,8 +284,9 @@ def surroundings(view: SampledView, places: Floats, height: float) -> tuple[floa
     # they end.
     through = np.concatenate([under, crossing(lower)]) if camera[2] > height else under
     # Count cells, not pixels: a leg has many pixels in few cells, a front fills all its cells.
-    beneath = _count(inner, through)
-    front = _count(rim, under[heights > 0.08])
+    beneath = len(_hit(inner, through))
+    fronts = _hit(rim, under[heights > 0.08])
+    front = int((~_beyond(fronts, camera[:2] / CELL_M - low, inner)).sum())
     rising, _ = where(upper)
     raised = np.zeros(shape, dtype=bool)
     raised[tuple(rising.T)] = True

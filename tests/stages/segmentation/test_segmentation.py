@@ -278,6 +278,23 @@ def test_a_couch_loses_against_the_table() -> None:
     assert best.height == pytest.approx(0.45, abs=0.015)
 
 
+def test_what_stands_beyond_the_far_edge_is_no_front_of_the_table() -> None:
+    """A body hides its far side. So seats that are seen there over the top do not close it."""
+    seats = [Box(x, 0.88, 0.5, 0.04, 0.0, 0.6) for x in (0.3, 0.65, 1.0, 1.35, 1.7)]
+    snapshots = round_trip(
+        [*table(1.0, 0.5, 2.2, 0.6, 0.74, 0.0), *seats],
+        CENTRE,
+        views=8,
+        radius=0.3,
+        mount=mounting(1.9, 60.0),
+    )
+    near = tuple(each for each in snapshots if each.map_from_base.y < 0.4)
+    best = find_tables(near, config=CONFIG)[0]
+    assert best.height == pytest.approx(0.74, abs=0.01)
+    assert not best.is_closed
+    assert best.reason == "the space under it was not seen"
+
+
 def test_a_large_counter_loses_against_a_table_of_which_little_was_seen() -> None:
     """A front that closes the space under a surface weighs more than its size and its views."""
     counter = Box(1.0, 2.2, 2.4, 0.7, 0.0, 0.9)
