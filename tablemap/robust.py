@@ -6,10 +6,14 @@ Techniques: A Tutorial with Application to Conic Fitting (1997), table 1.
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
-from tablemap.geometry import Floats
+from tablemap.geometry import Floats, Ints
+
+Real = TypeVar("Real", bound=np.floating)
 
 MAD_TO_SIGMA = 1.4826
 """A normal distribution's standard deviation, in median absolute deviations."""
@@ -26,6 +30,15 @@ def mad_sigma(deviations: NDArray[np.floating]) -> float:
     The deviations are those from a fit, or from a median.
     """
     return float(MAD_TO_SIGMA * np.median(np.abs(deviations)))
+
+
+def medians(rows: NDArray[Real], counts: Ints) -> NDArray[Real]:
+    """Return the medians (n,) of rows (n, k) with so many values (n,), the rest NaN; 1 of none."""
+    ordered = np.sort(rows, axis=1)  # NaN comes last
+    ordered[counts == 0] = 1.0
+    most, row = np.maximum(counts, 1), np.arange(len(counts))
+    middle: NDArray[Real] = (ordered[row, (most - 1) // 2] + ordered[row, most // 2]) / 2
+    return middle
 
 
 def geman_mcclure(squared: Floats, weight: Floats | float = 1.0) -> Floats:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tablemap.geometry import Bools, Floats, Ints
 from tablemap.masks import counted, grown
+from tablemap.robust import medians
 from tablemap.stages.snapshots.noise import DepthNoise
 
 _Pixel = TypeVar("_Pixel", bound=np.generic)
@@ -47,14 +48,21 @@ def mended(depth: NDArray[np.float32], noise: DepthNoise) -> NDArray[np.float32]
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = (1 / depth).astype(np.float32)
     padded = np.pad(inverse, _REACH_PX, constant_values=np.nan)
-    outliers = _outliers(padded, depth, noise)
-    padded[outliers[0] + _REACH_PX, outliers[1] + _REACH_PX] = np.nan
     mended_inverse = padded[_REACH_PX:-_REACH_PX, _REACH_PX:-_REACH_PX]
+    suspects = _suspects(padded)
+    # Of most images, few pixels can be bad at all: then no plane needs to be fitted.
+    if _usual_share(depth, suspects | _is_touched(mended_inverse)) < _LEAST_SHARE:
+        return depth
+    outliers = _outliers(padded, suspects, noise)
+    mended_inverse[outliers] = np.nan
     near = np.ones(depth.shape, dtype=bool)
     for done in range(_PASSES):
         rows, columns, values = _fillings(padded, near, noise)
-        if done == 0 and _usual_share(depth, rows, columns) < _LEAST_SHARE:
-            return depth
+        if done == 0:
+            bad = np.zeros(depth.shape, dtype=bool)
+            bad[rows, columns] = True
+            if _usual_share(depth, bad) < _LEAST_SHARE:
+                return depth
         mended_inverse[rows, columns] = values
         # Only what is filled changes what is said of pixels near it.
         near[:] = False
@@ -67,14 +75,12 @@ def mended(depth: NDArray[np.float32], noise: DepthNoise) -> NDArray[np.float32]
     return result
 
 
-def _usual_share(depth: NDArray[np.float32], rows: Ints, columns: Ints) -> float:
-    """Return the share of bad pixels that all but a few parts of an image have.
+def _usual_share(depth: NDArray[np.float32], bad: Bools) -> float:
+    """Return the share of ``bad`` pixels (height, width) that all but a few parts of an image have.
 
     A driver or low light loses pixels all over the image; at a glance, pixels are lost in places,
     and the more the farther: there, the end of what was filled would look like an end of the top.
     """
-    bad = np.zeros(depth.shape, dtype=bool)
-    bad[rows, columns] = True
     told = _in_parts(np.isfinite(depth)) > _PART_PX**2 // 2
     return float(np.quantile(_in_parts(bad)[told], _FEW) / _PART_PX**2) if told.any() else 0.0
 
@@ -87,12 +93,10 @@ def _in_parts(pixels: Bools) -> Ints:
     return parts
 
 
-def _outliers(
-    padded: NDArray[np.float32], depth: NDArray[np.float32], noise: DepthNoise
-) -> tuple[Ints, Ints]:
-    """Return the rows and columns of measured pixels that differ from all round them."""
+def _suspects(padded: NDArray[np.float32]) -> Bools:
+    """Return which measured pixels (height, width) lie between no two opposite neighbours."""
     middle = padded[_REACH_PX:-_REACH_PX, _REACH_PX:-_REACH_PX]
-    suspect = np.isfinite(middle)
+    suspect: Bools = np.isfinite(middle)
     least = np.float32(_MOST_SHARE) * middle
     with np.errstate(invalid="ignore"):
         for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
@@ -100,7 +104,13 @@ def _outliers(
             one = _shifted(padded, down, right) - middle
             other = _shifted(padded, -down, -right) - middle
             suspect &= ~(np.abs(one + other) < 2 * least)
-    rows, columns = np.nonzero(suspect)
+    return suspect
+
+
+def _outliers(padded: NDArray[np.float32], suspects: Bools, noise: DepthNoise) -> tuple[Ints, Ints]:
+    """Return the rows and columns of the suspects that differ from all round them."""
+    middle = padded[_REACH_PX:-_REACH_PX, _REACH_PX:-_REACH_PX]
+    rows, columns = np.nonzero(suspects)
     found = np.zeros(len(rows), dtype=bool)
     for block in _blocks(len(rows)):
         at, own = (rows[block], columns[block]), middle[rows[block], columns[block]]
@@ -117,9 +127,9 @@ def _fillings(
 
     ``near`` is a mask (height, width) of those that are looked at.
     """
-    known = np.isfinite(padded)[_REACH_PX:-_REACH_PX, _REACH_PX:-_REACH_PX]
-    touched = counted(known, 3) >= _LEAST_TOUCHING
-    rows, columns = np.nonzero(near & ~known & touched)
+    rows, columns = np.nonzero(
+        near & _is_touched(padded[_REACH_PX:-_REACH_PX, _REACH_PX:-_REACH_PX])
+    )
     values = np.full(len(rows), np.nan, dtype=np.float32)
     for block in _blocks(len(rows)):
         around = _around(padded, rows[block], columns[block])
@@ -132,6 +142,13 @@ def _fillings(
     return rows[good], columns[good], values[good]
 
 
+def _is_touched(image: NDArray[np.float32]) -> Bools:
+    """Return which pixels (height, width) are missing, with enough measured ones beside them."""
+    known = np.isfinite(image)
+    touched: Bools = ~known & (counted(known, 3) >= _LEAST_TOUCHING)
+    return touched
+
+
 def _planes(around: Floats, noise: DepthNoise) -> tuple[Floats, Bools]:
     """Fit a plane to inverse depths (n, 24) round each pixel.
 
@@ -142,7 +159,7 @@ def _planes(around: Floats, noise: DepthNoise) -> tuple[Floats, Bools]:
     pair = known[:, :_PAIRS] & known[:, _PAIRS:]
     # Each pair's mean is the plane's value; the median of the means bears outliers.
     means = np.where(pair, (values[:, :_PAIRS] + values[:, _PAIRS:]) / 2, np.nan)
-    middle = _middle_of(means, pair.sum(axis=1))
+    middle = medians(means, pair.sum(axis=1))
     allowance = _allowance(middle, noise)
     used = known.copy()
     level, slope = _fitted(values, used)
@@ -162,15 +179,6 @@ def _planes(around: Floats, noise: DepthNoise) -> tuple[Floats, Bools]:
     touching = (known & ~close)[:, _TOUCHING].sum(axis=1)
     agree &= (touching <= 1) & (np.abs(level - middle) <= allowance)
     return level, agree
-
-
-def _middle_of(values: Floats, counts: Ints) -> Floats:
-    """Return the medians (n,) of rows (n, k) with so many values (n,), the rest NaN; 1 of none."""
-    ordered = np.sort(values, axis=1)  # NaN comes last
-    ordered[counts == 0] = 1.0
-    most, row = np.maximum(counts, 1), np.arange(len(counts))
-    middle: Floats = (ordered[row, (most - 1) // 2] + ordered[row, most // 2]) / 2
-    return middle
 
 
 def _off_plane(values: Floats, known: Bools, level: Floats, slope: Floats) -> Floats:
