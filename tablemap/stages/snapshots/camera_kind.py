@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from tablemap.config import DepthCamera
-from tablemap.robust import mad_sigma
+from tablemap.robust import mad_sigma, medians
 from tablemap.stages.snapshots.noise import LAG_PX, SLAB_M, value_steps
 from tablemap.stages.snapshots.result import UNKNOWN_CAMERA, SeenCamera
 
@@ -86,8 +86,10 @@ def _comb(depths: Sequence[NDArray[np.float32]]) -> float | None:
     chosen = np.unique(np.linspace(0, len(blocks) - 1, _MOST_BLOCKS).astype(np.int64))
     length = np.zeros(len(_FREQUENCIES))
     for k in chosen:
-        phase = np.multiply.outer(2j * np.pi * _FREQUENCIES, 1 / blocks[k]).astype(np.complex64)
-        length += np.abs(np.exp(phase).mean(axis=1)) / len(chosen)
+        turns = np.outer(_FREQUENCIES, 1 / blocks[k])
+        angles = (2 * np.pi * (turns - np.floor(turns))).astype(np.float32)
+        sums = np.cos(angles).mean(axis=1), np.sin(angles).mean(axis=1)
+        length += np.hypot(*sums) / len(chosen)
     usual = ndimage.median_filter(length, _WINDOW, mode="nearest")
     peak = int(np.argmax(length - usual))
     return 4.0 / float(_FREQUENCIES[peak]) if length[peak] - usual[peak] > _CLEAR else None
@@ -95,16 +97,17 @@ def _comb(depths: Sequence[NDArray[np.float32]]) -> float | None:
 
 def _blocks(depth: NDArray[np.float32]) -> Iterator[NDArray[np.float32]]:
     """Yield the depths (n,) of blocks of pixels that show one surface."""
-    height, width = depth.shape
-    for top in range(0, height - _BLOCK_PX + 1, _BLOCK_PX):
-        for left in range(0, width - _BLOCK_PX + 1, _BLOCK_PX):
-            block = depth[top : top + _BLOCK_PX : 2, left : left + _BLOCK_PX : 2]
-            values = block[np.isfinite(block)]
-            middle = float(np.median(values)) if values.size > _FILLED * block.size else 0.0
-            if _COMB_NEAREST < middle < _COMB_FARTHEST:
-                values = values[np.abs(values - middle) < _ONE_SURFACE * middle]
-                if values.size > _FILLED * block.size:
-                    yield values
+    down, across = (size // _BLOCK_PX for size in depth.shape)
+    half = _BLOCK_PX // 2
+    thin = depth[: down * _BLOCK_PX : 2, : across * _BLOCK_PX : 2]
+    blocks = thin.reshape(down, half, across, half).swapaxes(1, 2).reshape(-1, half**2)
+    counts = np.isfinite(blocks).sum(axis=1)
+    middles = medians(blocks, counts)[:, None]
+    alike = np.abs(blocks - middles) < _ONE_SURFACE * middles
+    full = np.minimum(counts, alike.sum(axis=1)) > _FILLED * half**2
+    near = (middles[:, 0] > _COMB_NEAREST) & (middles[:, 0] < _COMB_FARTHEST)
+    for block, same in zip(blocks[full & near], alike[full & near], strict=True):
+        yield block[same]
 
 
 _FREQUENCIES = np.arange(120.0, 1300.0, 4.0)  # of the inverse depth, 1 / (1 / metre)
