@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from tablemap.model import Figure, TableModel
+from tablemap.model import Figure, TableModel, TableSurface
 from tablemap.model.shapes import is_angle, shape_named
 
 
@@ -17,6 +17,8 @@ def summary_rows(model: TableModel) -> list[tuple[str, str]]:
     for name, figure in surface.dimensions.items():
         text = angle(figure) if is_angle(name) else length(figure)
         rows.append((name, text if figure.status == "measured" else f"{text}, {figure.status}"))
+    if not surface.dimensions and surface.outline:
+        rows.append(("extent", _extent(surface)))
     if surface.corner_radius:
         rows.append(("corner radius", length(surface.corner_radius)))
     rows.append(("height", length(surface.height)))
@@ -89,6 +91,14 @@ def angle(figure: Figure) -> str:
         if figure.sigma is None
         else f"{value} +- {math.degrees(figure.sigma):.2f} deg"
     )
+
+
+def _extent(surface: TableSurface) -> str:
+    """Return how far an outline without dimensions of its own reaches, along its yaw and across."""
+    c, s = math.cos(surface.pose.yaw), math.sin(surface.pose.yaw)
+    along = [c * x + s * y for x, y in surface.outline]
+    across = [c * y - s * x for x, y in surface.outline]
+    return f"{max(along) - min(along):.4f} x {max(across) - min(across):.4f} m over all"
 
 
 def _alternatives(model: TableModel) -> str:

@@ -31,6 +31,15 @@ def test_a_verdict_in_one_line_has_the_codes_of_its_doubts() -> None:
     assert line(rectangle_model()).endswith(", good")
 
 
+def test_a_polygon_has_its_extent() -> None:
+    """It has no dimensions, and its size is what is read first; along its own axes."""
+    rectangle = rectangle_model(length=1.2, width=0.8, yaw=0.7)
+    surface = rectangle.surface.model_copy(update={"shape": "polygon", "dimensions": {}})
+    polygon = rectangle.model_copy(update={"surface": surface})
+    assert dict(summary_rows(polygon))["extent"] == "1.2000 x 0.8000 m over all"
+    assert "extent" not in dict(summary_rows(rectangle))
+
+
 def test_a_circle_has_no_heading() -> None:
     """Its yaw is 0 by definition, and no sigma of it says anything."""
     rectangle = rectangle_model()
