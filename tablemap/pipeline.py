@@ -165,9 +165,9 @@ def _check_choice(model: TableModel) -> None:
     codes = {warning.code for warning in model.warnings}
     if {"accuracy.second_choice", "accuracy.unseen_side"} <= codes:
         raise EstimationError(
-            "the surface that looked most like a table gave none, and of the next one "
-            f"({model.surface.height.value:.2f} m high) not all sides were seen, so that it may be "
-            "anything; record views from more sides of the table"
+            "no table was found: the likeliest surface is none, and of the next one "
+            f"({model.surface.height.value:.2f} m high) not all sides were seen: it may be a "
+            "step or a shelf; record views from more sides of the table"
         )
 
 
