@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable, Generator, Iterator
 from contextlib import closing, contextmanager, nullcontext
 from datetime import UTC, datetime
@@ -21,12 +22,14 @@ from tablemap.cli.printing import (
     Ends,
     aligned,
     complain,
+    hung,
     outcome_line,
     print_left,
     print_model,
     say,
     stderr_console,
     stdout_console,
+    wide,
 )
 from tablemap.errors import TablemapError
 
@@ -159,8 +162,9 @@ def process(
                     _print_outcome(outcome, shown, as_json=as_json)
     if len(paths) > 1 and not quiet:
         say(aligned(ends.rows), err=as_json)
+        columns = wide(sys.stderr if as_json else sys.stdout)
         for line in ends.lines:
-            say(line, err=as_json)
+            say("\n".join(hung("", line, columns)), err=as_json)
     raise typer.Exit(ends.code if complete else 1)
 
 
