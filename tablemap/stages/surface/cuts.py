@@ -15,6 +15,7 @@ from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.joint import JointFit
 from tablemap.stages.surface.residuals import Noise, robust
 from tablemap.stages.surface.shapes.chamfered import Chamfered
+from tablemap.stages.surface.shapes.rounded import Rounded
 from tablemap.stages.surface.shapes.shape import unit
 from tablemap.stages.surface.shapes.straight import Sided
 
@@ -24,6 +25,7 @@ _FAR = 2.0  # metres along both sides
 _TURNS = np.deg2rad(40.0), np.deg2rad(140.0)  # of the outline at a corner that may be cut
 _GAIN = 4.0  # of all corners, in units of the criterion: with less there is no reason to fit cuts
 _LEAST_LOSS = 2.0  # by a cut at a corner that is sharp
+_CLEAR_GAIN = 3.0  # at one corner; at sharp ones it is 1.1 at most, by a cut of 2 cm 3.6 and more
 _ARCS = np.linspace(1.2, 2.0, 9)  # times a cut: where an arc begins that takes off about as much
 _CHORDS = 8  # of an arc
 
@@ -47,6 +49,30 @@ def chamfered(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> list[
         return []
     start = np.append(fit.shape.parameters, _SIZES[size])
     return [Chamfered(start, fit.shape, gains[:, size] > -_LEAST_LOSS)]
+
+
+def blunt_corners(
+    fit: JointFit, evidence: Evidence, config: SurfaceConfig
+) -> list[tuple[Floats, float]]:
+    """Return the corners (2,) of a fit that are no corners, and how far inside the edge passes.
+
+    A cut or an arc at one corner alone explains the points there clearly better, though too few
+    points tell it to choose another shape.
+    """
+    shape = fit.shape
+    if not isinstance(shape, Sided) or isinstance(shape, Rounded | Chamfered):
+        return []
+    found = []
+    for corner in _corners(fit, shape, fit.noise, evidence):
+        sharp = corner.cost(corner.cut(1e-6), config)
+        sizes = _SIZES[corner.room - _ABOUT / 2 > _SIZES]
+        outlines = [make(size) for size in sizes for make in (corner.cut, corner.arc)]
+        costs = [corner.cost(outline, config) for outline in outlines]
+        if costs and sharp - min(costs) > _CLEAR_GAIN:
+            best = outlines[int(np.argmin(costs))]
+            inside = min(float(_away(np.zeros((1, 2)), *ends)[0]) for ends in pairwise(best))
+            found.append((shape.corners[corner.number], inside))
+    return found
 
 
 def seems_round(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> bool:

@@ -12,6 +12,7 @@ from tablemap.errors import ProcessWarning
 from tablemap.model.shapes import MESH, POLYGON
 from tablemap.stages.surface.candidates import Candidate
 from tablemap.stages.surface.choice import contradicting_cells
+from tablemap.stages.surface.cuts import blunt_corners
 from tablemap.stages.surface.departures import Departure
 from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.inner import inner_edges
@@ -83,7 +84,7 @@ def doubts(
                 "them; the table may have been moved during the drive, or a view's pose is wrong.",
             )
         )
-    found += _not_followed(chosen, away, evidence)
+    found += _not_followed(chosen, away, evidence) or _without_corner(chosen, evidence, config)
     found += _without_depth(rims)
     found += _corners_without_depth(chosen, corners)
     cells = contradicting_cells(chosen.fit.shape.outline(), evidence, config)
@@ -201,6 +202,25 @@ def _not_followed(
             "accuracy.outline",
             f"Along {length:.2f} m, the top's edge does not follow the {chosen.name}: it lies up "
             f"to {1e3 * abs(worst.farthest):.0f} mm {where} the outline, farthest at "
+            f"({x:.2f}, {y:.2f}) in the map.",
+        )
+    ]
+
+
+def _without_corner(
+    chosen: Candidate, evidence: Evidence, config: SurfaceConfig
+) -> list[tuple[str, str]]:
+    """Warn of corners that the edge passes inside, too few or too small for another shape."""
+    blunt = [] if chosen.is_hull else blunt_corners(chosen.fit, evidence, config)
+    if not blunt:
+        return []
+    place, inside = max(blunt, key=lambda corner: corner[1])
+    x, y = place + evidence.origin
+    return [
+        (
+            "accuracy.outline",
+            f"At {counted(len(blunt), 'corner')} of the {chosen.name} the top's edge passes up to "
+            f"{1e3 * inside:.0f} mm inside, as where a corner is cut off or round: farthest at "
             f"({x:.2f}, {y:.2f}) in the map.",
         )
     ]
