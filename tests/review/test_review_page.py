@@ -99,7 +99,9 @@ def test_a_doubt_has_its_code_at_the_top(model: TableModel) -> None:
     doubted = model.model_copy(update={"warnings": (doubt,), "verdict": verdict})
     html = page([doubted, OtherTable(1, doubted)])
     assert "<li>accuracy.unseen_side: A side was not seen.</li>" in html
-    assert '<td class="doubtful">doubtful (accuracy.unseen_side)</td>' in html
+    others = html[html.index("Other tables") :]
+    assert '<td class="doubtful short">doubtful</td>' in others
+    assert "; accuracy.unseen_side: A side was not seen.</td>" in others
 
 
 def test_long_reasons_stand_below_the_figures_on_a_narrow_screen(model: TableModel) -> None:

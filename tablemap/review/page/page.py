@@ -11,7 +11,7 @@ from tablemap import palette
 from tablemap.archive.manifest import Manifest
 from tablemap.events import OtherTable, RunFailed
 from tablemap.model import TableModel
-from tablemap.model.summary import doubts, judged, summary_rows
+from tablemap.model.summary import doubts, summary_rows
 from tablemap.review import wording
 from tablemap.review.page.picture import BestView
 from tablemap.review.page.plan import plan
@@ -210,31 +210,29 @@ def _model(model: TableModel, name: str, surface: Surface | None, picture: str) 
 
 
 def _beside(others: Sequence[OtherTable]) -> Iterable[str]:
-    """Write one line for each other table: its model, or the reason why there is none."""
+    """Write a row for each other table: its model and its doubts, or why there is none."""
     if not others:
         return
     yield "<h2>Other tables</h2>"
     yield _table(
-        ("table", "what it is", "x, y in m", "height", "verdict"),
+        ("table", "verdict", "x, y in m", "height", "what it is"),
         [
-            (f"{one.number:02d}", one.outcome, "", "", "none")
-            if isinstance(one.outcome, str)
-            else (
-                f"{one.number:02d}",
-                " ".join(
-                    [
-                        one.outcome.surface.shape,
-                        " x ".join(
-                            f"{d.value:.3f}" for d in one.outcome.surface.dimensions.values()
-                        ),
-                    ]
-                ),
-                f"{one.outcome.surface.pose.x:.3f}, {one.outcome.surface.pose.y:.3f}",
-                f"{one.outcome.surface.height.value:.3f} m",
-                judged(one.outcome),
-            )
+            (f"{one.number:02d}", *_other(one.outcome))
+            if isinstance(one.outcome, TableModel)
+            else (f"{one.number:02d}", "none", "", "", one.outcome)
             for one in others
         ],
+    )
+
+
+def _other(model: TableModel) -> tuple[str, ...]:
+    surface = model.surface
+    sizes = " x ".join(f"{size.value:.3f}" for size in surface.dimensions.values())
+    return (
+        model.verdict.level,
+        f"{surface.pose.x:.3f}, {surface.pose.y:.3f}",
+        f"{surface.height.value:.3f} m",
+        "; ".join([f"{surface.shape} {sizes}", *doubts(model)]),
     )
 
 
@@ -274,9 +272,6 @@ def _table(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:
 
 
 def _cell(text: str) -> str:
-    kinds = ["short"] if len(text) <= SHORT else []
-    first, *others = text.split(" (")
-    if first in STATUSES and (not others or text.endswith(")")):
-        kinds.insert(0, first)
+    kinds = [text] * (text in STATUSES) + ["short"] * (len(text) <= SHORT)
     named = f' class="{" ".join(kinds)}"' if kinds else ""
     return f"<td{named}>{escape(text)}</td>"
