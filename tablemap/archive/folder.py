@@ -25,7 +25,7 @@ from tablemap.inputs import AnyInput, Input, sha256
 from tablemap.model import TableModel
 from tablemap.paths import AnyPath, as_path
 from tablemap.remote import is_remote
-from tablemap.words import safe_name
+from tablemap.words import safe_name, shortened
 
 if TYPE_CHECKING:
     from tablemap.events import OtherTable
@@ -231,8 +231,18 @@ class RunFolder:
     @property
     def model(self) -> TableModel:
         """The run's chosen table. Raises `TablemapError` where the run left none, or goes on."""
-        self.check_ended()
+        self.check_model()
         return TableModel.load(self.path)
+
+    def check_model(self) -> None:
+        """Raise `TablemapError` where the run left no model, or goes on."""
+        self.check_ended()
+        if not is_file(self.path / MODEL):
+            status, error = self.manifest.status, self.manifest.error
+            raise TablemapError(
+                f"expected a run with a table.json, found one that left no table model ({status}"
+                f"{': ' + shortened(error) if error else ''}); choose another run: {self.path}"
+            )
 
     def check_ended(self) -> None:
         """Raise `TablemapError` where the run has not come to an end."""

@@ -141,12 +141,6 @@ def _tables(run: AnyPath) -> tuple[Path, dict[str, Path]]:
             return file.parent.parent, {f"table_{file.stem}": file}
         return file.parent, {"table": file}
     loaded = load_run(run)
-    loaded.check_ended()
-    if not (loaded.path / "table.json").is_file():
-        status, error = loaded.manifest.status, loaded.manifest.error
-        raise TablemapError(
-            f"expected a run with a table.json, found one that left no model ({status}"
-            f"{': ' + error if error else ''}); choose another run: {loaded.path}"
-        )
+    loaded.check_model()
     first, *others = loaded.table_files
     return loaded.path, {"table": first, **{f"table_{file.stem}": file for file in others}}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -78,7 +79,7 @@ def test_compare_counts_sigmas_and_draws_both(runs: Path, tmp_path: Path) -> Non
     """6 mm at 2 mm each; an SVG and an .rrd on demand."""
     text = call("runs", "compare", runs / "lap/a", runs / "lap/b").stdout
     (line,) = (line for line in text.splitlines() if line.startswith("length"))
-    assert line.split() == ["length", "1.187", "1.193", "6.0", "mm", "2.8", "mm", "2.1"]
+    assert re.split(" {2,}", line) == ["length", "1.187 m", "1.193 m", "6.0 mm", "2.8 mm", "2.1"]
     output = tmp_path / "out"
     done = call("runs", "compare", runs / "lap/a", runs / "lap/b", "--json", "-o", output)
     assert json.loads(done.stdout)["words"]["shape"] == {"a": "rectangle", "b": "rectangle"}
@@ -98,12 +99,12 @@ def test_compare_of_more_runs_shows_their_spread(runs: Path) -> None:
         make_run(runs, f"lap/{name}", rectangle_model(length=length, legs=legs), config=config)
     paths = [runs / "lap" / name for name in "abde"]
     lines = call("runs", "compare", *paths).stdout.splitlines()
-    told = {line.split()[0]: line.split()[1:] for line in lines if line}
+    told = {name: values for name, *values in (re.split(" {2,}", line) for line in lines)}
     assert told["B"] == [str(paths[1])]
-    assert (told["shape"], told["legs"]) == (["rectangle"], ["4", "D", "3"])
+    assert (told["shape"], told["legs"]) == (["rectangle"], ["4", "D 3"])
     # Of 1.187, 1.193, 1.188 and 1.187 m the second is an outlier.
-    assert told["length"] == ["1.188", "1.187", "1.193", "2.5", "mm", "2.0", "mm", "B"]
-    assert told["height"] == ["0.743", "0.743", "0.743", "0.0", "mm", "2.0", "mm"]
+    assert told["length"] == ["1.188 m", "1.187 m", "1.193 m", "2.5 mm", "2.0 mm", "B"]
+    assert told["height"] == ["0.743 m", "0.743 m", "0.743 m", "0.0 mm", "2.0 mm"]
     assert told["seed"] == ["0", "0", "0", "5"]
     document = json.loads(call("runs", "compare", *paths, "--json").stdout)
     (length,) = (each for each in document["figures"] if each["name"] == "length")

@@ -159,7 +159,7 @@ def _spread_rows(found: Spreads, letters: list[str]) -> Iterator[tuple[str, ...]
         yield (name, usual, "", "", "", "", ", ".join(others))
     for row in found.figures:
         angle = row.name == "yaw" or is_angle(row.name)
-        ends = [_degrees(x) if angle else metres_text(x) for x in (row.median, row.low, row.high)]
+        ends = [_degrees(x) if angle else _metres(x) for x in (row.median, row.low, row.high)]
         widths = [
             _degrees(x) if angle else "" if x is None else f"{1000 * x:.1f} mm"
             for x in (row.deviation, row.sigma)
@@ -191,7 +191,7 @@ def _comparison_rows(compared: Comparison) -> Iterator[tuple[str, ...]]:
         yield (name, a, b, "" if a == b else "differs", "", "")
     for row in compared.figures:
         angle = row.name == "yaw" or is_angle(row.name)
-        values = [_degrees(x) if angle else metres_text(x) for x in (row.a, row.b)]
+        values = [_degrees(x) if angle else _metres(x) for x in (row.a, row.b)]
         apart = [
             _degrees(x) if angle else "" if x is None else f"{1000 * x:.1f} mm"
             for x in (row.difference, row.sigma)
@@ -206,6 +206,10 @@ def _comparison_rows(compared: Comparison) -> Iterator[tuple[str, ...]]:
             "",
             "",
         )
+
+
+def _metres(value: float | None) -> str:
+    return "" if value is None else f"{metres_text(value)} m"
 
 
 def _degrees(value: float | None) -> str:
