@@ -35,6 +35,7 @@ from tablemap.stages.snapshots.stops import (
 )
 from tablemap.words import counted
 
+_NOD = np.deg2rad(10.0)  # a moving robot nods by less; a hand that tilts its camera shows more
 _LEAST_STOPS = 3  # this many stops, with a tenth of the images, are planned and not by chance
 
 
@@ -174,14 +175,12 @@ def _limit(
     ):
         return np.arange(len(viewpoints)), ""
     views = views_at(recording, np.array([v.middle_ns for v in viewpoints], dtype=np.int64))
-    if kind == "keyframes":
-        # A moving robot nods, so the elevation of its camera does not count.
-        views[:, 3] = 0.0
-    new = choose_by_new_view(views, len(views), config)
+    nod = _NOD if kind == "keyframes" else 0.0
+    new = choose_by_new_view(views, len(views), config, nod=nod)
     if len(new) <= most:
         return new, f"it shows nothing new beside the {counted(len(new), 'view')} kept"
     reason = f"it is not among the {counted(most, 'viewpoint')} with the most views"
-    return choose_by_new_view(views, most, config), reason
+    return choose_by_new_view(views, most, config, nod=nod), reason
 
 
 def _most(kind: str, config: SnapshotsConfig) -> int:

@@ -106,11 +106,14 @@ def far_apart(stamps: Ints) -> bool:
     return len(stamps) < 2 or float(np.median(np.diff(stamps))) > SECOND_NS
 
 
-def choose_by_new_view(views: Floats, maximum: int, config: SnapshotsConfig) -> Ints:
+def choose_by_new_view(
+    views: Floats, maximum: int, config: SnapshotsConfig, *, nod: float = 0.0
+) -> Ints:
     """Return the indices of views (n, 4) that show something new, at most ``maximum``.
 
     A view is the base's place and the camera's heading and elevation. It is kept if it differs from
     all kept views by a distance or an angle; both limits grow until few enough views are left.
+    ``nod``: radians by which elevations differ without a new view.
     """
     if len(views) == 0:
         return np.zeros(0, dtype=np.int64)
@@ -123,7 +126,8 @@ def choose_by_new_view(views: Floats, maximum: int, config: SnapshotsConfig) -> 
             delta = views[i] - views[kept]
             turn = wrap_angles(delta[:, 2])
             apart = (np.hypot(delta[:, 0], delta[:, 1]) / distance) ** 2
-            apart += (turn / angle) ** 2 + (delta[:, 3] / angle) ** 2
+            nodded = np.maximum(np.abs(delta[:, 3]) - nod, 0.0)
+            apart += (turn / angle) ** 2 + (nodded / angle) ** 2
             if apart.min() >= 1.0:
                 kept.append(i)
         if len(kept) <= maximum:

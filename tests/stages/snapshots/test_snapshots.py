@@ -306,6 +306,19 @@ def test_few_views_are_chosen_by_where_the_camera_looks() -> None:
     assert all("not among the 2 viewpoints" in a.reason for a in dropped)
 
 
+@pytest.mark.parametrize(("tilted_deg", "views"), [(8.0, 1), (60.0, 3)])
+def test_a_tilt_of_the_camera_is_a_new_view_and_a_nod_is_none(
+    tilted_deg: float, views: int
+) -> None:
+    """A hand tilts its camera over a table from one place; a moving robot only nods."""
+    creeping = [(0.0, 0.0, 0.0, 0.0), (2.0, 0.1, 0.0, 0.0)]
+    head = [(0.0, 0.0, 0.0), (2.0, 0.0, tilted_deg)]
+    drive = Drive(creeping, np.arange(1, 20) / 10, head=head)
+    result = take_snapshots(drive, config=CONFIG, sensors=SENSORS)
+    assert result.kind == "keyframes"
+    assert len(result.snapshots) == views
+
+
 def test_images_of_one_view_are_not_said_to_be_too_many() -> None:
     """A camera that is carried over a few centimetres shows one view; the limit plays no part."""
     carried = [(0.0, 0.0, 0.0, 0.0), (1.0, 0.1, 0.0, 0.0)]
