@@ -41,17 +41,20 @@ def _check_contents(run: RunFolder) -> Iterator[Check]:
         yield Check("settings", "damaged", str(error))
 
 
+_REDRAW = "`tablemap runs redraw` makes it anew"
+
+
 def _check_review(run: RunFolder) -> Check:
     from tablemap.review.viewer.checking import damage_of
 
     file = run.path / "run.rrd"
     if not file.is_file():
-        return Check("review", "missing", "there is no run.rrd")
+        return Check("review", "missing", f"there is no run.rrd; {_REDRAW}")
     try:
         damage = damage_of(file)
     except TablemapError as error:
         return Check("review", "unchecked", str(error))
-    return Check("review", "damaged", damage) if damage else Check("review", "ok")
+    return Check("review", "damaged", f"{damage}; {_REDRAW}") if damage else Check("review", "ok")
 
 
 def _check_input(run: RunFolder) -> Check:

@@ -78,6 +78,8 @@ def test_what_changed_is_found(run: RunFolder, recording: Path) -> None:
         "review": "damaged",
         "recording": "changed",
     }
+    (review,) = (check for check in verify(load_run(run.path)) if check.name == "review")
+    assert "`tablemap runs redraw` makes it anew" in (review.detail or "")
 
 
 def test_a_recording_that_is_not_here_is_no_fault_of_the_run(
