@@ -9,6 +9,7 @@ import shapely
 
 from tablemap.config import SurfaceConfig
 from tablemap.errors import ProcessWarning
+from tablemap.geometry import wrap_angles
 from tablemap.model.shapes import MESH, POLYGON
 from tablemap.stages.surface.candidates import Candidate
 from tablemap.stages.surface.choice import contradicting_cells
@@ -56,7 +57,7 @@ def doubts(
                     f"{other.shape} (weight {other.score:.2f}) explains its edge nearly as well.",
                 )
             )
-    found += _like_another(chosen, primitives)
+    found += _like_another(chosen, primitives) or _hardly_bent(chosen, primitives, evidence)
     found += _partly_seen(chosen, edges, figures, config)
     if len(evidence.views) < 3:
         found.append(
@@ -142,6 +143,48 @@ def _like_another(chosen: Candidate, primitives: Sequence[Primitive]) -> list[tu
             ]
     return []
 
+
+def _hardly_bent(
+    chosen: Candidate, primitives: Sequence[Primitive], evidence: Evidence
+) -> list[tuple[str, str]]:
+    """Doubt a polygon with a side that bends inward a little, or steps by centimetres.
+
+    A thin cloth or a board that lies over an end of a table makes it that much wider there. Tables
+    with so small an inward bend are rare: an L has right angles, and a kidney is a curve.
+    """
+    shape = chosen.fit.shape
+    if not isinstance(shape, Sided) or chosen.is_hull or primitives[0].shape != POLYGON.name:
+        return []
+    corners = shape.corners
+    along = np.roll(corners, -1, axis=0) - corners
+    length = np.linalg.norm(along, axis=1)
+    shorter = np.minimum(length, np.roll(length, 1))
+    heading = np.arctan2(along[:, 1], along[:, 0])
+    turn = wrap_angles(heading - np.roll(heading, 1))
+    step = (shorter < _LEAST_STEP) & (np.maximum(length, np.roll(length, 1)) > _LONG)
+    bend = (turn > -_SMALL_TURN) & (shorter > _LONG)
+    odd = np.flatnonzero((turn < 0) & (bend | step))
+    others = [each.shape for each in primitives if each.shape not in (POLYGON.name, MESH.name)]
+    if not len(odd) or not others:
+        return []
+    x, y = corners[odd[0]] + evidence.origin
+    how = (
+        f"bends inward by {np.degrees(-turn[odd[0]]):.0f} degrees"
+        if bend[odd[0]]
+        else f"steps by {1e3 * shorter[odd[0]]:.0f} mm"
+    )
+    return [
+        (
+            "accuracy.shape_ambiguous",
+            f"At ({x:.2f}, {y:.2f}) in the map a side of the polygon {how}, as hardly a table's "
+            f"does. It may be a {others[0]}, and a cloth or a board that lies over its edge, or a "
+            "thing that hides a part of it, looks so.",
+        )
+    ]
+
+
+_LEAST_STEP, _LONG = 0.06, 0.2  # metres: of a step that is meant so, and of a side beside a bend
+_SMALL_TURN = np.deg2rad(20.0)
 
 _SAMPLES = 500
 _ALIKE, _APART = 0.008, 0.02  # metres between two outlines
