@@ -100,7 +100,7 @@ def _depth(recording: Recording, viewpoints: list[Viewpoint]) -> RoleFitness:
         return RoleFitness("depth", "missing", f"{images}, and none of {len(middles)} decoded")
     measured = float(np.median([np.isfinite(frame.depth).mean() for frame in frames]))
     height, width = frames[0].depth.shape
-    says = f"{images} of {width} x {height}, {measured:.0%} of their pixels measured"
+    says = f"{images} of {width} x {height}, {100 * measured:.0f} % of their pixels measured"
     step = float(np.median([_step(frame.depth) for frame in frames]))
     if step > COARSE_STEP:
         return RoleFitness("depth", "weak", f"{says}; depth is in steps of {1000 * step:.0f} mm")
@@ -217,7 +217,8 @@ def _laser(recording: Recording, viewpoints: list[Viewpoint]) -> RoleFitness:
         not np.any((stamps >= each.start_ns - 10**8) & (stamps <= each.end_ns + 10**8))
         for each in viewpoints
     )
-    says = f"{counted(len(stamps), 'scan')} of {angle:.0f} degrees, {returns:.0%} of beams return"
+    number = counted(len(stamps), "scan")
+    says = f"{number} of {angle:.0f} degrees, {100 * returns:.0f} % of beams return"
     wrong = [each.message for each in recording.warnings if each.code == "accuracy.laser_mounting"]
     if wrong:
         return RoleFitness("laser", "weak", f"{says}; {wrong[0]}")

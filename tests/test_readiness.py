@@ -63,7 +63,7 @@ def late(recorder: w.RosRecorder, stamp_ns: int) -> None:
     ("depth", "role", "words"),
     [
         (coarse, "depth", "in steps of 39 mm"),
-        (dark, "depth", "32% of their pixels measured"),
+        (dark, "depth", "32 % of their pixels measured"),
         (late, "clocks", "clock"),
     ],
 )
@@ -85,13 +85,13 @@ def test_a_narrow_laser_and_one_that_sees_little_are_weak(tmp_path: Path) -> Non
     w.write_drive(narrow, scan_fields={"angle_min": -0.5, "angle_increment": 1 / 30})
     assert said(narrow)["laser"] == (
         "weak",
-        "51 scans of 57 degrees, 100% of beams return; a wider view places the stops better",
+        "51 scans of 57 degrees, 100 % of beams return; a wider view places the stops better",
     )
     ranges = np.full(46, np.inf, np.float32)
     ranges[:9] = 2.0
     open_hall = tmp_path / "hall.mcap"
     w.write_drive(open_hall, scan_fields={"angle_min": -2.25, "ranges": ranges})
-    assert "20% of beams return" in said(open_hall)["laser"][1]
+    assert "20 % of beams return" in said(open_hall)["laser"][1]
     assert said(open_hall)["laser"][0] == "weak"
 
 

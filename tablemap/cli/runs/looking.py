@@ -200,7 +200,7 @@ def _comparison_rows(compared: Comparison) -> Iterator[tuple[str, ...]]:
     if compared.overlap is not None and compared.farthest is not None:
         yield (
             "outlines",
-            f"{compared.overlap:.1%} common",
+            f"{100 * compared.overlap:.1f} % common",
             "",
             f"{1000 * compared.farthest:.1f} mm at most",
             "",

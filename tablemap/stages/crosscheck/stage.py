@@ -203,11 +203,12 @@ def _beside(by_legs: MountingSolution, sensors: SensorsConfig) -> tuple[ProcessW
         return ()
     forward, left, turn = by_legs.asked[:3]
     message = (
-        "camera and laser disagree: they see the legs where a camera would that is "
-        f"{1e3 * abs(forward):.0f} mm further {'forward' if forward > 0 else 'back'} than in TF, "
-        f"{1e3 * abs(left):.0f} mm further {'left' if left > 0 else 'right'}, and turned by "
-        f"{np.degrees(turn):.1f} degrees; the surface was fitted with that. Either TF has a wrong "
-        "pose of one of them, or their clocks differ and the robot did not stand still."
+        "camera and laser disagree on where the legs are: they agree if the camera is moved by "
+        f"{1e3 * abs(forward):.0f} mm {'forward' if forward > 0 else 'back'} and "
+        f"{1e3 * abs(left):.0f} mm to the {'left' if left > 0 else 'right'} of its place in TF, "
+        f"and turned by {abs(np.degrees(turn)):.1f} degrees to the "
+        f"{'left' if turn > 0 else 'right'}; the surface was fitted with that. Either TF has a "
+        "wrong pose of one of them, or their clocks differ and the robot did not stand still."
     )
     return (ProcessWarning("crosscheck.mounting", "crosscheck", message),)
 

@@ -113,7 +113,9 @@ def judge_pair(pair: Pair, weight: float | None, poses: Floats) -> Pair:
     if not pair.used:
         return pair
     if weight is None:
-        return replace(pair, used=False, reason=f"only {pair.fitness:.0%} of its points overlap")
+        return replace(
+            pair, used=False, reason=f"only {100 * pair.fitness:.0f} % of its points overlap"
+        )
     if weight > _USED_WEIGHT:
         return pair
     error = edge_error(

@@ -229,7 +229,9 @@ def _likeness(
             reasons.append(f"a front closes the space under it (open share {openness:.2f})")
     if walled > 0.35:
         likeness *= max(0.15, 1.35 - walled)
-        reasons.append(f"something rises at {walled:.0%} of its rim, as at a seat or a shelf")
+        reasons.append(
+            f"something rises at {100 * walled:.0f} % of its rim, as at a seat or a shelf"
+        )
     if area < config.small_area:
         likeness *= area / config.small_area
         reasons.append(f"small: {area:.2f} m2")

@@ -73,7 +73,7 @@ def label_view(
         reason = (
             None
             if share >= config.least_top_share
-            else f"only {counted(pixels, 'pixel')} ({share:.2%}) of the top could be seen"
+            else f"only {counted(pixels, 'pixel')} ({100 * share:.2f} %) of the top could be seen"
         )
     if top.any():
         labels[top] = Label.TOP

@@ -183,7 +183,11 @@ def _finite(points: Floats) -> Floats:
 def _judge(seen: _Agreement) -> tuple[str, ...]:
     reasons = []
     if seen.edge_points * seen.shared >= _FEW_POINTS and seen.consistent < _LEAST_CONSISTENT:
-        reasons.append(f"only {seen.consistent:.0%} of the edge that other views saw too agrees")
+        reasons.append(
+            f"only {100 * seen.consistent:.0f} % of the edge that other views saw too agrees"
+        )
     if seen.violation > _LARGEST_VIOLATION:
-        reasons.append(f"{seen.violation:.0%} of the top that it saw contradicts other views")
+        reasons.append(
+            f"{100 * seen.violation:.0f} % of the top that it saw contradicts other views"
+        )
     return tuple(reasons)

@@ -99,11 +99,11 @@ def judge(seen: LaserStatistics, common: float) -> tuple[str, ...]:
     """
     reasons = []
     if seen.overlap < _LEAST_OVERLAP:
-        reasons.append(f"only {seen.overlap:.0%} of its scan fits any other stop's")
+        reasons.append(f"only {100 * seen.overlap:.0f} % of its scan fits any other stop's")
     if seen.score < _LEAST_SCORE:
         reasons.append(f"its scan has a score of only {seen.score:.2f} against the others")
     if seen.consistent < _LEAST_CONSISTENT:
-        reasons.append(f"only {seen.consistent:.0%} of what other stops saw too agrees")
+        reasons.append(f"only {100 * seen.consistent:.0f} % of what other stops saw too agrees")
     # Of a dozen points the scatter itself is uncertain.
     uncertain = 1.0 + 1.0 / np.sqrt(seen.points) if seen.points else 1.0
     allowed = max(_LARGEST_RMS, min(_COMMON_FACTOR * common, _CONSISTENT))
@@ -112,7 +112,9 @@ def judge(seen: LaserStatistics, common: float) -> tuple[str, ...]:
     if seen.violation > _LARGEST_VIOLATION or (
         seen.violation > _DOUBTFUL_VIOLATION and seen.score < _DOUBTFUL_SCORE
     ):
-        reasons.append(f"{seen.violation:.0%} of its scan lies where other stops saw free space")
+        reasons.append(
+            f"{100 * seen.violation:.0f} % of its scan lies where other stops saw free space"
+        )
     return tuple(reasons)
 
 
