@@ -114,6 +114,11 @@ def whole_files(targets: Sequence[Path]) -> Iterator[list[Path]]:
                 os.fsync(stream.fileno())
         for part, target in zip(parts, targets, strict=True):
             part.replace(target)
+    except OSError as error:  # what failed is the file that was asked for
+        named = dict(zip(map(str, parts), targets, strict=True))
+        if str(error.filename) in named:
+            error.filename = str(named[str(error.filename)])
+        raise
     finally:
         for part in parts:
             with suppress(OSError):

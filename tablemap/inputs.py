@@ -101,13 +101,16 @@ class Input:
         for path in self.paths:
             try:
                 is_folder = path.is_dir()
-                if not is_folder:
+                if is_folder:
+                    next(path.iterdir(), None)
+                else:
                     path.stat()
             except (FileNotFoundError, NotADirectoryError) as error:
                 raise RecordingError(f"there is no such file: {path}") from error
             except OSError as error:
+                what = "folder" if path.is_dir() else "file"
                 raise RecordingError(
-                    f"the file cannot be read ({error.strerror}): {path}"
+                    f"the {what} cannot be read ({error.strerror}): {path}"
                 ) from error
             if is_folder and not any(files_in(path)):
                 raise RecordingError(

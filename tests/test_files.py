@@ -32,6 +32,14 @@ def test_what_ends_the_writing_leaves_the_earlier_file(
     assert {file.name: file.read_text() for file in tmp_path.iterdir()} == {"table.json": "earlier"}
 
 
+def test_an_error_names_the_file_that_was_asked_for(tmp_path: Path) -> None:
+    """Not the temporary one beside it, which nobody has heard of."""
+    (tmp_path / "word.txt").mkdir()
+    with pytest.raises(OSError, match="directory") as raised:
+        write_whole(tmp_path / "word.txt", "10")
+    assert raised.value.filename == str(tmp_path / "word.txt")
+
+
 def test_of_several_files_none_appears_before_all_are_written(tmp_path: Path) -> None:
     """One that was not written keeps the others from their names."""
     first, second = tmp_path / "a", tmp_path / "b"

@@ -119,6 +119,19 @@ def test_what_never_ends_is_refused_by_name(tmp_path: Path, what: str) -> None:
         (folder / name).rename(file)
 
 
+def test_a_folder_that_cannot_be_read_is_said_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It may well have recordings inside."""
+
+    def refused(path: Path) -> None:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "iterdir", refused)
+    with pytest.raises(RecordingError, match=r"the folder cannot be read \(Permission denied\)"):
+        Input.of(tmp_path).check()
+
+
 def test_files_together_are_one_recording(halves: list[Path]) -> None:
     """Without it they are recordings of their own."""
     assert expand(halves) == [Input.of(file) for file in halves]
