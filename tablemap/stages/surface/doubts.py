@@ -183,7 +183,7 @@ def _hardly_bent(
     ]
 
 
-_LEAST_STEP, _LONG = 0.06, 0.2  # metres: of a step that is meant so, and of a side beside a bend
+_LEAST_STEP, _LONG = 0.075, 0.2  # metres: of a step that is meant so, and of a side beside a bend
 _SMALL_TURN = np.deg2rad(20.0)
 
 _SAMPLES = 500

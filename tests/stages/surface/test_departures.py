@@ -53,8 +53,8 @@ def _with_paper() -> Table:
 
 
 def _with_cloth() -> Table:
-    """Make a rectangle of 1.4 m by 0.8 m with a cloth over one end that is 5 cm wider."""
-    cloth = shapely.box(0.1, -0.425, 0.75, 0.425)
+    """Make a rectangle of 1.4 m by 0.8 m with a cloth over one end that is 10 cm wider."""
+    cloth = shapely.box(0.1, -0.45, 0.75, 0.45)
     whole = shapely.orient_polygons(shapely.union(shapely.box(-0.7, -0.4, 0.7, 0.4), cloth))
     return polygon_table([*whole.exterior.coords][:-1], POSE)
 
