@@ -42,6 +42,7 @@ _UNITS = (0.0001, 0.000125, 0.0002, 0.00025, 0.0004, 0.0005)  # metres, of drive
 _UNIT_SHARE = 0.06  # the floor's ratio is within this share of a unit's
 # Metres, of the median of what a camera in a room sees: the least, the most and the usual.
 _NEAREST, _FARTHEST, _USUAL = 0.1, 15.0, 2.0
+_LEAST_RAISED, _MOST_RAISED = 0.03, 0.6  # metres of a base's frame above the floor
 _TOO_NEAR = 0.3  # of the floor's distance: the camera is higher above any table than that
 _NOTHING_BEYOND = 1.5  # metres: a room is larger
 _SURE = 2.0  # times as much floor as of the next reading, that makes it beyond doubt
@@ -145,12 +146,25 @@ def contradiction(views: Sequence[FloorView]) -> tuple[Slope | None, ProcessWarn
     if slope is None or slope.doubt < DOUBTED:
         return slope, None
     side = "below" if slope.height < 0 else "above"
+    cause = _cause(slope)
+    is_level = not cause and abs(slope.tilt) < 2 * TILT_SIGMA
+    raised = _if_raised(-slope.height) if is_level else ""
     message = (
         f"The floor lies {1e3 * abs(slope.height):.0f} mm {side} the base's z = 0, and is tilted "
-        f"by {np.degrees(abs(slope.tilt)):.1f} degrees{_cause(slope)}: check the camera's "
-        "calibration, its mounting in TF, and the depth's scale."
+        f"by {np.degrees(abs(slope.tilt)):.1f} degrees{cause}: check the camera's "
+        f"calibration, its mounting in TF, and the depth's scale.{raised}"
     )
     return slope, ProcessWarning("accuracy.floor", "recording", message)
+
+
+def _if_raised(below: float) -> str:
+    """Return a sentence on a base whose frame is so many metres above the floor, if it may be."""
+    if not _LEAST_RAISED < below < _MOST_RAISED:
+        return ""
+    return (
+        f" If the base's frame is {below:.2f} m above the floor, as a base_link may be, all is "
+        "right: put a base_footprint on the floor (in TF, or by --set topics.extrinsics=FILE)."
+    )
 
 
 def _cause(slope: Slope) -> str:
@@ -205,10 +219,12 @@ def _off_scale(
     too_near = ratio.value < _TOO_NEAR and np.quantile(values, 0.99) < _NOTHING_BEYOND
     if not (too_far or too_near):
         return []
+    heights = [view.base_from_camera[2, 3] for view in views]
+    below = float(np.median(heights)) * (ratio.value - 1)
     message = (
         f"The floor on {topic} is {ratio.value:.2f} times as far as TF has it: check the depth's "
         f"unit (--set topics.depth_unit={_round(unit * given.factor / ratio.value):.3g} would fit) "
-        "and the camera's height in TF."
+        f"and the camera's height in TF.{_if_raised(below)}"
     )
     return [ProcessWarning("accuracy.depth_meaning", "recording", message)]
 

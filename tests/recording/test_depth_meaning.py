@@ -253,3 +253,23 @@ def test_coarser_units_are_named(tmp_path: Path, plain_recording: Path, unit: fl
     assert warning.code == "accuracy.depth_meaning"
     assert f"topics.depth_unit={unit:g} would fit" in warning.message
     assert [each.code for each in read(path, TopicsConfig(depth_unit=unit))[1]] == []
+
+
+@pytest.mark.parametrize("above", [0.1, 0.2])
+def test_a_base_above_the_floor_may_be_all(
+    tmp_path: Path, plain_recording: Path, above: float
+) -> None:
+    """A base_link that has no footprint below it: what is said names that, and what mends it."""
+
+    def raised(entry: Entry) -> Iterable[Entry]:
+        if entry.type == "TFMessage":
+            entry = copy.deepcopy(entry)
+            for each in entry.message.transforms:
+                if each.child_frame_id == CAMERA:
+                    each.transform.translation.z -= above
+        yield entry
+
+    (warning,) = read(rewrite(plain_recording, tmp_path / "r.mcap", raised))[1]
+    assert warning.code.startswith("accuracy.")
+    assert f"If the base's frame is {above:.2f} m above the floor" in warning.message
+    assert "topics.extrinsics" in warning.message

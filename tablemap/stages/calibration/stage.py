@@ -50,9 +50,18 @@ def calibrate(
     beliefs = _beliefs(snapshots, config, sensors)
     result = _calibrated(snapshots, collect(snapshots, config), beliefs, config)
     missed = result.floor_pixels < config.least_floor_pixels
-    if not missed and not _excess(result.adjustment, config):
-        return result
     level = floor_level(snapshots)
+    if not missed and not _excess(result.adjustment, config):
+        if level is None or abs(level) < _ELSEWHERE_M:
+            return result
+        # The band about z = 0 widens with the distance, and may hold far parts of a lower floor.
+        found = _at_level(snapshots, level, beliefs, config, sensors)
+        is_wider = found.floor_pixels > _WIDER * result.floor_pixels
+        return (
+            _believed(found, config)
+            if is_wider and not _excess(found.adjustment, config)
+            else result
+        )
     if level is not None and abs(level) >= (config.floor_band if missed else config.least_level):
         found = _at_level(snapshots, level, beliefs, config, sensors)
         if missed or not _excess(found.adjustment, config):
@@ -115,8 +124,8 @@ def _at_level(
                 "calibration",
                 f"the floor lies {100 * abs(level - base):.1f} cm "
                 f"{'above' if level > base else 'below'} the base's origin; a wrong depth scale, "
-                "focal length or camera height causes this; check the camera's calibration and "
-                "its height in TF",
+                "focal length or camera height causes this, or a base's frame above the floor; "
+                "check the camera's calibration and its height in TF",
             )
         )
     return replace(result, floor_z=level, warnings=(*warnings, *result.warnings))
@@ -155,6 +164,8 @@ def _beliefs(
     )
 
 
+_ELSEWHERE_M = 0.1  # a floor so far from z = 0 is not the one that was taken for it
+_WIDER = 3.0  # times as many pixels as near z = 0
 _STEP_M = 0.15  # a base stands on the floor: a floor closer than this is its own
 _TOP_SIGMA = 0.05  # metres about the height at which a segmentation saw the top
 _TOP_SLOPE = np.deg2rad(0.2)  # tops stand on uneven floors

@@ -205,7 +205,7 @@ def test_a_map_that_begins_at_the_camera_leaves_the_cameras_height_open() -> Non
     assert abs(result.depth_scale - 1.0) < np.sqrt(result.covariance[2, 2])
 
 
-@pytest.mark.parametrize("level", [0.06, -0.04])
+@pytest.mark.parametrize("level", [0.06, -0.04, -0.2])
 def test_a_base_that_does_not_stand_on_the_floor_is_no_wrong_scale(level: float) -> None:
     """Centimetres between floor and base are the floor's level, not five percent of all depth."""
     result = calibrate(raised(level, 0.0), config=CONFIG, sensors=SENSORS)
