@@ -48,6 +48,9 @@ WARNING_CODES: dict[str, str] = {
     "recording.localisation_gap": (
         "The localisation sent nothing for a while; the wheels carried its last pose on."
     ),
+    "recording.frame_name": (
+        "A sensor's frame has another prefix than in TF; the one of TF was taken."
+    ),
     "recording.pose_topic": "TF lacks poses; those on another topic were taken.",
     "recording.clock": (
         "A sensor's clock is off, as the motion shows, and its stamps were moved; or its messages "

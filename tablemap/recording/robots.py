@@ -6,7 +6,7 @@ or in the prefixes of their frames (``robot1/base_link``) if they share one topi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from tablemap.config import TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.recording.extrinsics import read_extrinsics
 from tablemap.recording.roles import Roles, camera_frame, with_laser
+from tablemap.recording.tf.aliases import with_aliases
 from tablemap.recording.tf.collector import TransformCollector
 from tablemap.recording.tf.frame_roles import FrameNames, conflicts, find_frames
 from tablemap.recording.tf.frames import TransformTree
@@ -51,13 +52,15 @@ def placed(
     tree, others, warnings = own_tree(collector, roles, robot=config.robot)
     if config.extrinsics:
         tree = with_extrinsics(tree, read_extrinsics(Path(config.extrinsics)))
+    strangers = [topic for topic in roles.lasers if belongs(topic, others)]
+    tree, renamed = with_aliases(tree, _unknown(roles, tree, strangers))
+    warnings += renamed
     camera = camera_frame(roles, tree.frames)
     tree, localisation, said = completed(tree, poses, camera=camera, config=config)
     warnings += said
     if collector.rejected:
         warnings.append(ProcessWarning("recording.damaged", "recording", collector.lost()))
     camera = camera_frame(roles, tree.frames)
-    strangers = [topic for topic in roles.lasers if belongs(topic, others)]
     own = [topic.frame_id for topic in roles.lasers if topic not in strangers]
     cause = _cause(collector, roles)
     try:
@@ -72,6 +75,19 @@ def placed(
     return Placed(tree, names, roles, localisation, warnings)
 
 
+def _unknown(
+    roles: Roles, tree: TransformTree, strangers: Sequence[Topic]
+) -> Iterator[tuple[str, str]]:
+    """Yield the topics of the robot's sensors, and their frames, that the tree does not place."""
+    assert roles.depth is not None
+    frame = roles.body_frame or camera_frame(roles, tree.frames)
+    if frame not in tree.edges and (frame not in tree.frames or roles.body_frame):
+        yield roles.depth.name, frame
+    for topic in roles.lasers:
+        if topic not in strangers and topic.frame_id not in tree.frames:
+            yield topic.name, topic.frame_id
+
+
 def _cause(collector: TransformCollector, roles: Roles) -> str:
     """Say what of the transforms is missing or was rejected; nothing where all is there."""
     causes = []
@@ -82,7 +98,7 @@ def _cause(collector: TransformCollector, roles: Roles) -> str:
             "file has: process both (--together FIRST THIS), or tell the mountings by --set "
             "topics.extrinsics=FILE."
         )
-    if collector.rejected:
+    if collector.rejected or collector.never_valid:
         causes.append(collector.lost())
     return " ".join(causes)
 

@@ -32,6 +32,8 @@ FARTHEST = 2e7
 """Damaged messages may have any number: a place farther away is not on Earth (UTM, ECEF)."""
 LONE_SHARE = 20
 """What is said by so many times fewer messages than something else is not believed."""
+A_HABIT = 10
+"""Transforms of one edge, all of them invalid: more than damage makes."""
 
 
 @dataclass
@@ -71,13 +73,15 @@ class TransformCollector:
     """Gathers transforms into a `TransformTree`.
 
     ``rejected`` counts invalid transforms by parent, child and reason; it is set when the tree is
-    made. ``lags`` has how long after their stamps the moving ones were logged.
+    made. ``never_valid`` are those of edges that nobody ever sent valid: no damage, but a node that
+    does not know them. ``lags`` has how long after their stamps the moving ones were logged.
     `add` raises `RecordingError` if there are more frames than the limits allow.
     """
 
     def __init__(self, limits: LimitsConfig | None = None) -> None:
         self._limits = limits or LimitsConfig()
         self.rejected: Counter[tuple[str, str, str]] = Counter()
+        self.never_valid: Counter[tuple[str, str, str]] = Counter()
         self.lags: dict[tuple[str, str], Lags] = {}
         self._misnamed: dict[tuple[str, str], int] = {}
         self._edges: dict[tuple[str, str], dict[_Sender, _PoseSamples]] = {}
@@ -139,6 +143,7 @@ class TransformCollector:
                 for key, count in self._misnamed.items()
             }
         )
+        self.never_valid = Counter()
         sent = {
             key: {
                 sender: samples
@@ -163,7 +168,10 @@ class TransformCollector:
         shown = [
             f"{counted(number, 'transform')} from {parent or '(no name)'} to "
             f"{child or '(no name)'} ({reason})"
-            for (parent, child, reason), number in self.rejected.most_common()
+            for (parent, child, reason), number in (
+                *self.rejected.most_common(),
+                *self.never_valid.most_common(),
+            )
         ]
         more = f" and of {len(shown) - 3} more frames" if len(shown) > 3 else ""
         return f"{', '.join(shown[:3])}{more} were left out."
@@ -174,10 +182,11 @@ class TransformCollector:
         moving: list[Track] = []
         static: list[Track] = []
         counts: list[Ints] = []
+        left_out: Counter[tuple[str, str, str]] = Counter()
         for sender, samples in sorted(senders.items(), key=lambda each: each[1].latest):
             track, own_counts, unsound = _sound(samples)
             for reason, number in unsound.items():
-                self.rejected[(*key, reason)] += number
+                left_out[(*key, reason)] += number
             if not len(track.stamps_ns):
                 continue
             if sender.is_static:
@@ -185,6 +194,8 @@ class TransformCollector:
                 counts.append(own_counts)
             else:
                 moving.append(track)
+        is_habit = not moving and not static and left_out.total() >= A_HABIT
+        (self.never_valid if is_habit else self.rejected).update(left_out)
         if static:
             static, lone = _agreed(static, counts)
             if lone:
