@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from tablemap.config import TopicsConfig
 from tablemap.errors import ProcessWarning
@@ -48,6 +49,7 @@ _NOTHING_BEYOND = 1.5  # metres: a room is larger
 _SURE = 2.0  # times as much floor as of the next reading, that makes it beyond doubt
 _LIKELY = 1.4
 _LEAST_FLOOR = 0.12  # of what lies below the horizon
+_LEAST_TURNED = 0.2  # of what then lies below the horizon is floor, where it was none before
 _EXPLAINED = 0.25  # of what contradicts may be left by a wrong focal length
 
 
@@ -119,7 +121,8 @@ def judge(
     ratios = {choice: _ratio(views, choice) for choice in choices}
     floors = {choice: ratio for choice, ratio in ratios.items() if ratio.share >= _LEAST_FLOOR}
     if not floors:
-        return given, _implausible(views, given, unit, topic)
+        turned = [] if config.camera_axes else _turned(views, given, topic)
+        return given, turned or _implausible(views, given, unit, topic)
     best = max(floors, key=lambda choice: floors[choice].share)
     ratio = floors[best]
     recorded = _share(views, given, ratio.value)
@@ -180,6 +183,42 @@ def _cause(slope: Slope) -> str:
         return ""
     wrong = "short" if share > 0 else "long"
     return f", as if the focal length were {100 * abs(share):.0f} % too {wrong}"
+
+
+def _turned(views: Sequence[FloorView], given: DepthMeaning, topic: str) -> list[ProcessWarning]:
+    """Say where no floor is seen, and much of one if the camera is turned by right angles."""
+    plain = [given.of(view) for view in views]
+    best, most = np.eye(3), 0.0
+    for turn in Rotation.create_group("O").as_matrix():
+        mounts = [view.base_from_camera.copy() for view in plain]
+        for mount in mounts:
+            mount[:3, :3] = mount[:3, :3] @ turn
+        seen = [
+            replace(view, base_from_camera=mount) for view, mount in zip(plain, mounts, strict=True)
+        ]
+        ratio = floor_ratio(seen, along_ray=False)
+        if ratio.share > most and abs(np.log(max(ratio.value, 1e-9))) < PLAUSIBLE:
+            best, most = turn, ratio.share
+    if most < _LEAST_TURNED:
+        return []
+    message = (
+        f"No floor is seen on {topic}, but {100 * most:.0f} % of what lies below the horizon is "
+        f"floor if the camera is turned {_turn_said(best)} against TF: correct the transform to "
+        "the frame of its images."
+    )
+    return [ProcessWarning("accuracy.depth_meaning", "recording", message)]
+
+
+def _turn_said(turn: Floats) -> str:
+    """Say how a camera's frame is turned: by right angles, in its own axes."""
+    if np.allclose(turn, BODY_FROM_OPTICAL[:3, :3].T):
+        return "back from a camera's axes to a body's (TF has that turn twice)"
+    vector = Rotation.from_matrix(turn).as_rotvec(degrees=True)
+    degrees = float(np.linalg.norm(vector))
+    axes = ("its image's rows", "its image's columns", "its optical axis")
+    if np.isclose(np.abs(vector).max(), degrees):
+        return f"by {degrees:.0f} degrees about {axes[int(np.argmax(np.abs(vector)))]}"
+    return f"by {degrees:.0f} degrees"
 
 
 def _ratio(views: Sequence[FloorView], choice: DepthMeaning) -> Ratio:

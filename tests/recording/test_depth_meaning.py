@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tablemap.config import TopicsConfig
 from tablemap.errors import ProcessWarning
@@ -273,3 +274,32 @@ def test_a_base_above_the_floor_may_be_all(
     assert warning.code.startswith("accuracy.")
     assert f"If the base's frame is {above:.2f} m above the floor" in warning.message
     assert "topics.extrinsics" in warning.message
+
+
+@pytest.mark.parametrize(
+    ("turn", "says"),
+    [
+        (np.diag([-1.0, -1, 1]), "by 180 degrees about its optical axis"),
+        (np.diag([1.0, -1, -1]), "by 180 degrees about its image's rows"),
+        (np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]), "TF has that turn twice"),
+    ],
+    ids=["upside down", "looks along -z", "optical turn twice"],
+)
+def test_a_camera_that_is_turned_by_right_angles_is_named(
+    tmp_path: Path, plain_recording: Path, turn: Floats, says: str
+) -> None:
+    """No floor is seen by TF: what is said names the turn by which it would be."""
+
+    def turned(entry: Entry) -> Iterable[Entry]:
+        if entry.type == "TFMessage":
+            entry = copy.deepcopy(entry)
+            for each in entry.message.transforms:
+                if each.child_frame_id == CAMERA:
+                    q = each.transform.rotation
+                    sent = Rotation.from_quat([q.x, q.y, q.z, q.w])
+                    q.x, q.y, q.z, q.w = (sent * Rotation.from_matrix(turn)).as_quat()
+        yield entry
+
+    (warning,) = read(rewrite(plain_recording, tmp_path / "r.mcap", turned))[1]
+    assert warning.code == "accuracy.depth_meaning"
+    assert says in warning.message
