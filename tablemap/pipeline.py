@@ -258,8 +258,10 @@ def _model(
             )
             record(cross)
             if cross.mounting is not None:
-                surface = fit(outline, record, cross.mounting, first=surface)
-                legs = stand(surface)
+                first, surface = surface, fit(outline, record, cross.mounting, first=surface)
+                # The laser's legs do not depend on the camera: under the same top they stay.
+                if registration.source != "laser" or not surface.is_nearly(first):
+                    legs = stand(surface)
             elif cross.is_found:
                 outline = corrected(outline, cross)
                 surface = fit(outline, record)

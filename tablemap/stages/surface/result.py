@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import shapely
+
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.surface.residuals import State
+
+_NEARLY = 0.002  # metres: legs found anew under a top that moved by so much move by micrometres
 
 
 @dataclass(frozen=True)
@@ -90,3 +94,13 @@ class Surface:
     warnings: tuple[ProcessWarning, ...]
     beside: Floats | None = None
     states: tuple[State, ...] = ()
+
+    def is_nearly(self, other: Surface) -> bool:
+        """Tell whether another fit gave the same top: its shape, and its place to two millimetres.
+
+        What stands under the one stands under the other then.
+        """
+        rings = shapely.LinearRing(self.outline), shapely.LinearRing(other.outline)
+        raised = abs(self.height.value - other.height.value)
+        moved = max(shapely.hausdorff_distance(*rings), raised)
+        return self.shape == other.shape and moved < _NEARLY
