@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import rerun as rr
 
 from tablemap import palette
 from tablemap.errors import ProcessWarning
 from tablemap.events import RunFailed, StageFinished, StageStarted
+from tablemap.model import WarningEntry
 from tablemap.review import story
 from tablemap.review.markdown import table
 from tablemap.review.stream import Stream
@@ -87,13 +90,21 @@ def log_failure(stream: Stream, failed: RunFailed, *, found: str) -> None:
     stream.flush()
 
 
-def log_warning(stream: Stream, warning: ProcessWarning, *, about: str = "") -> None:
-    """Log one warning at the time that it concerns; ``about`` names its table."""
+def log_warnings(
+    stream: Stream, warnings: Iterable[ProcessWarning | WarningEntry], *, about: str = ""
+) -> None:
+    """Log warnings at the times that they concern; ``about`` names their table."""
+    for warning in warnings:
+        log_warning(stream, warning, about=about)
+
+
+def log_warning(stream: Stream, warning: ProcessWarning | WarningEntry, *, about: str = "") -> None:
+    """Log one warning at the time that it concerns, in the shell's words."""
     if warning.stamp_ns is None:
         stream.hold()
     else:
         stream.at(warning.stamp_ns, snapshot=stream.scene.snapshot_at(warning.stamp_ns))
-    message = f"{about}{warning.stage}: {warning.message} ({warning.code})"
+    message = f"{about}{warning.code}: {warning.message}"
     stream.say(message, level="WARN" if warning.code.startswith("accuracy.") else "INFO")
 
 

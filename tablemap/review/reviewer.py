@@ -53,7 +53,7 @@ class Reviewer(Closing):
         self, path: Path, *, run_id: str, recording_name: str, config: ReviewConfig
     ) -> None:
         self._stream = Stream(path, run_id=run_id, recording_name=recording_name, config=config)
-        self._warned: set[ProcessWarning] = set()
+        self._stages_say: dict[type, list[ProcessWarning]] = {}
         perception, motion, alignment, top = (
             Perception(),
             MotionDrawing(),
@@ -195,24 +195,27 @@ class Reviewer(Closing):
             self._stream.flush()
 
     def _warn(self, result: object) -> None:
-        """Log, each once, the warnings of a result and the new ones of the recording."""
+        """Log the warnings of a model, or of a run that failed; keep those of a stage till then.
+
+        A stage may run again and say something else, and a later one may withdraw what it says.
+        """
         if self._stream.config.level == "off":
             return
-        about, warnings = "", [*getattr(result, "warnings", ())]
-        if isinstance(result, OfTable):
-            about = f"table {result.number:02d}, "
-            warnings = [*getattr(result.result, "warnings", ())]
+        recording = self._stream.scene.recording
+        if isinstance(result, OtherTable):
+            if isinstance(result.outcome, TableModel):
+                about = f"table {result.number:02d}, "
+                progress.log_warnings(self._stream, result.outcome.warnings, about=about)
         elif isinstance(result, TableModel):
-            warnings = [
-                ProcessWarning(one.code, one.stage, one.message, one.stamp_ns)
-                for one in result.warnings
-            ]
-        elif isinstance(result, (StageFinished, RunFailed)) and self._stream.scene.recording:
-            warnings = [*self._stream.scene.recording.warnings]
-        for warning in warnings:
-            if about or warning not in self._warned:
-                progress.log_warning(self._stream, warning, about=about)
-            self._warned.add(warning)
+            self._stages_say.clear()
+            progress.log_warnings(self._stream, result.warnings)
+        elif isinstance(result, RunFailed):
+            recorded = [*recording.warnings] if recording else []
+            said = [one for warnings in self._stages_say.values() for one in warnings]
+            self._stages_say.clear()
+            progress.log_warnings(self._stream, dict.fromkeys([*recorded, *said]))
+        elif hasattr(result, "warnings") and not isinstance(result, Recording):
+            self._stages_say[type(result)] = [*result.warnings]
 
     def close(self) -> None:
         """Write the remaining rows and the footer; a second call does nothing."""

@@ -698,6 +698,12 @@ def table_model(recording: MadeUpRecording, poses: tuple[Pose2, ...]) -> m.Table
                     message="two depth topics",
                     stamp_ns=None,
                 ),
+                m.WarningEntry(
+                    code="recording.topic_choice",
+                    stage="registration",
+                    message="a made-up doubt",
+                    stamp_ns=recording.stamp(5),
+                ),
             ),
         }
     )

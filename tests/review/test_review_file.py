@@ -12,15 +12,16 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from tablemap.config import ReviewConfig
-from tablemap.errors import TablemapError
+from tablemap.errors import ProcessWarning, TablemapError
 from tablemap.events import OfTable, OtherTable, RunFailed, StageFinished, StageStarted
-from tablemap.model import TableModel
+from tablemap.model import TableModel, WarningEntry
 from tablemap.pipeline import STAGES
 from tablemap.recording.messages import CompressedImage, Image
 from tablemap.review import Reviewer
 from tablemap.review.images import colour_archetype, depth_archetype, encode_depth
 from tablemap.review.schema import ENTITIES, SCHEMA, TIMELINES
 from tablemap.stages.calibration import Calibration
+from tablemap.stages.legs import Legs
 from tablemap.stages.outline import EdgeKind, Outline
 from tablemap.stages.registration import Registration
 from tablemap.stages.segmentation import Segmentation, TableRefused
@@ -389,6 +390,26 @@ def test_warnings_are_logged_once_at_their_time(review: Path) -> None:
     assert doubts == [5]
     dropped = [snapshot for snapshot, text in said if "pair 5 to 3 dropped" in text[0]]
     assert dropped == [5]
+
+
+def test_the_log_has_the_doubts_that_stayed(tmp_path: Path) -> None:
+    """Not those of a stage that ran again, nor those that a later one withdrew."""
+    run = made_up.results(stops=4)
+    model = next(one for one in run if isinstance(one, TableModel))
+    legs = next(one for one in run if isinstance(one, Legs))
+    first, last = (
+        replace(legs, warnings=(ProcessWarning("legs.no_return", "legs", said),))
+        for said in ("of the first fit", "of the last fit")
+    )
+    entry = WarningEntry(
+        code="legs.no_return", stage="legs", message="of the last fit", stamp_ns=None
+    )
+    told = model.model_copy(update={"warnings": (entry,)})
+    begun = [one for one in run if not isinstance(one, (Legs, TableModel, OtherTable, OfTable))]
+    for k, end in enumerate((told, RunFailed("legs", "no legs"))):
+        path = write(tmp_path / str(k) / "run.rrd", [*begun, first, last, end])
+        said = [str(text[0]) for text in columns(path, "/log/info", "TextLog:text")]
+        assert [text for text in said if "no_return" in text] == ["legs.no_return: of the last fit"]
 
 
 def test_stages_that_ran_again_are_told_once(tmp_path: Path) -> None:
