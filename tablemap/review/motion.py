@@ -75,7 +75,7 @@ class MotionDrawing:
         """Log the recorded and the estimated trajectories."""
         stream.hold()
         stream.scene.localised_way = odometry.localised
-        stream.text("odometry/summary", text.odometry(odometry))
+        stream.text("odometry/summary", text.odometry(odometry, stream.scene.recorded_warnings))
         log_trajectory(
             stream, "trajectory/localised", odometry.localised, palette.LOCALISED.on_dark
         )

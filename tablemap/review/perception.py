@@ -68,7 +68,9 @@ class Perception:
         stream.scene.laser_height += calibration.floor_z - stream.scene.floor_z
         stream.scene.floor_z = calibration.floor_z
         stream.hold()
-        stream.text("calibration/summary", text.calibration(calibration))
+        stream.text(
+            "calibration/summary", text.calibration(calibration, stream.scene.recorded_warnings)
+        )
         shown = (calibration.floor_rms_before * 1000, calibration.floor_rms_after * 1000)
         stream.log_flat("calibration/floor_rms_mm", rr.BarChart(np.array(shown)))
         for surface, seen in (("floor", calibration.floor), ("top", calibration.top)):

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats, Pose2
 from tablemap.recording import FrameNames, Recording
 from tablemap.stages.odometry import Trajectory
@@ -73,6 +74,11 @@ class DrawnScene:
     tables: dict[int, DrawnScene] = field(default_factory=dict)
     pairs_reach: float | None = None
     pair_eye: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
+
+    @property
+    def recorded_warnings(self) -> tuple[ProcessWarning, ...]:
+        """What was said so far of the recording itself."""
+        return tuple(self.recording.warnings) if self.recording else ()
 
     def snapshot_at(self, stamp_ns: int) -> int:
         """Return the number of the last snapshot taken by then; before the first, the first."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from itertools import pairwise
 from string import ascii_lowercase
 
 import numpy as np
 
+from tablemap.errors import ProcessWarning
 from tablemap.geometry import Pose2
 from tablemap.review import wording
 from tablemap.review.markdown import MOST_ROWS, figure, links, metres, table, told
@@ -53,14 +54,31 @@ def snapshots(result: Snapshots) -> str:
     )
 
 
-def calibration(result: Calibration) -> str:
-    """Return the camera's corrections."""
+def of_camera(warnings: Iterable[ProcessWarning]) -> list[ProcessWarning]:
+    """Return what a recording's warnings say of the camera."""
+    return [one for one in warnings if one.code.partition(".")[2] in _OF_CAMERA]
+
+
+def of_motion(warnings: Iterable[ProcessWarning]) -> list[ProcessWarning]:
+    """Return what a recording's warnings say of clocks, transforms and poses."""
+    return [one for one in warnings if one.code.partition(".")[2] in _OF_MOTION]
+
+
+_OF_CAMERA = {"calibrations_disagree", "calibration_flawed", "calibration", "depth_meaning"}
+_OF_MOTION = {
+    *("clock", "tf_conflict", "odometry_restart", "pose_topic", "no_pose"),
+    *("localisation_gap", "laser_mounting"),
+}
+
+
+def calibration(result: Calibration, recorded: Iterable[ProcessWarning] = ()) -> str:
+    """Return the camera's corrections, and what its ``recorded`` warnings say of it."""
     sigmas = np.sqrt(np.maximum(np.diag(result.covariance), 0.0))
     own = np.sqrt(np.mean(result.adjustment.own**2, axis=0))
     return "\n".join(
         [
             "## Camera, from the floor" + (" and the top" if result.sees_top else ""),
-            *told(result.warnings),
+            *told([*of_camera(recorded), *result.warnings]),
             table(
                 ("correction", "value"),
                 [
@@ -166,13 +184,13 @@ def refused(result: TableRefused, found: tuple[TableCandidate, ...]) -> str:
     )
 
 
-def odometry(result: Odometry) -> str:
-    """Return the odometry's source and figures."""
+def odometry(result: Odometry, recorded: Iterable[ProcessWarning] = ()) -> str:
+    """Return the odometry's source and figures, and what ``recorded`` warnings say of motion."""
     spread = np.sqrt(np.diag(result.covariance_over(1.0)))
     return "\n".join(
         [
             f"## Odometry from {result.source}",
-            *told(result.warnings),
+            *told([*of_motion(recorded), *result.warnings]),
             f"{result.scans_used} scans used, {result.scans_skipped} skipped. "
             f"Error over a metre: {1000 * max(spread[0], spread[1]):.1f} mm, "
             f"{np.degrees(spread[2]):.2f}°."

@@ -84,6 +84,23 @@ def test_a_stage_s_pane_tells_its_doubts(
     ]
 
 
+def test_what_the_recording_says_stands_where_one_looks_for_it(run: list[object]) -> None:
+    """Of clocks and transforms beside the motion, of calibrations beside the camera."""
+    recorded = [
+        ProcessWarning(code, "recording", "said")
+        for code in ("accuracy.tf_conflict", "recording.topic_choice", "recording.calibration")
+    ]
+    odometry, calibration = the(Odometry, run), the(Calibration, run)
+    assert isinstance(odometry, Odometry)
+    assert isinstance(calibration, Calibration)
+    for words, code in (
+        (text.odometry(odometry, recorded), "accuracy.tf_conflict"),
+        (text.calibration(calibration, recorded), "recording.calibration"),
+    ):
+        told = [line for line in words.splitlines() if line.startswith("- `")]
+        assert told == [f"- `{code}`: said"]
+
+
 def test_the_height_has_one_sigma(run: list[object], review: Path, model: TableModel) -> None:
     """Summary, dimension line, page and terminal give the model's; the stages' pages give none."""
     assert model.surface.height.sigma is not None
