@@ -36,6 +36,7 @@ WARNING_CODES: dict[str, str] = {
     "recording.silent_sensor": (
         "The messages of a sensor are empty or impossible; they were not used."
     ),
+    "recording.unread_cloud": "Point clouds of a laser are not read; a LaserScan of it is.",
     "recording.own_body": "Beams of the laser meet the robot itself; these were left out.",
     "recording.topic_choice": "Several topics fitted a role; one was chosen.",
     "snapshots.set_aside": "Depth images became no snapshot.",

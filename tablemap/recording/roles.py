@@ -116,9 +116,23 @@ def find_roles(
         if related or len({topic.camera for topic in colours}) == 1:
             colour = min(related or colours, key=lambda topic: _colour_rank(topic, depth))
     first = next(iter(lasers), None)
+    warnings += _unread_clouds(topics) if first is None else []
     poses = _poses(topics, config)
     roles = Roles(depth, calibration, colour, first, _tf(topics), lasers, poses, others)
     return roles, warnings
+
+
+def _unread_clouds(topics: Sequence[Topic]) -> list[ProcessWarning]:
+    """Say which clouds may be those of a laser, where no scan was recorded."""
+    clouds = [topic.name for topic in topics if topic.problem and "point cloud" in topic.problem]
+    if not clouds:
+        return []
+    message = (
+        f"No laser scan was recorded, and the point clouds on {', '.join(clouds)} are of no depth "
+        "camera: those of a laser are not read. Record a LaserScan of it too (pointcloud_to_"
+        "laserscan makes one); then the views are placed more exactly."
+    )
+    return [ProcessWarning("recording.unread_cloud", "recording", message)]
 
 
 def with_laser(

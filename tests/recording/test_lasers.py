@@ -129,3 +129,35 @@ def test_two_lasers(tmp_path: Path, plain_recording: Path) -> None:
         assert "/rear_scan" in warning.message
         assert "--set topics.laser=TOPIC" in warning.message
         assert warning in inspect(path).warnings
+
+
+def test_a_laser_that_sends_clouds_alone_is_named(tmp_path: Path, plain_recording: Path) -> None:
+    """Without a LaserScan the drive goes on without a laser, and what was not read is said."""
+    get = ROS2.types.__getitem__
+
+    def change(entry: Entry) -> Iterable[Entry]:
+        if entry.type != "LaserScan":
+            return [entry]
+        ranges = np.nan_to_num(entry.message.ranges, posinf=9.0).astype("<f4")
+        points = np.stack([ranges, 0 * ranges, 0 * ranges], axis=1)
+        field = get("sensor_msgs/msg/PointField")
+        cloud = get("sensor_msgs/msg/PointCloud2")(
+            header=entry.message.header,
+            height=1,
+            width=len(points),
+            fields=[field(name=n, offset=4 * i, datatype=7, count=1) for i, n in enumerate("xyz")],
+            is_bigendian=False,
+            point_step=12,
+            row_step=12 * len(points),
+            data=points.ravel().view(np.uint8),
+            is_dense=True,
+        )
+        return [replace(entry, topic="/velodyne_points", message=cloud)]
+
+    path = rewrite(plain_recording, tmp_path / "r.mcap", change)
+    with open_recording(path) as recording:
+        assert recording.names.laser is None
+        (warning,) = recording.warnings
+    assert warning.code == "recording.unread_cloud"
+    assert "/velodyne_points" in warning.message
+    assert warning in inspect(path).warnings
