@@ -28,7 +28,7 @@ def fit_rigid(source: Floats, target: Floats) -> Pose2:
 
 
 @dataclass(frozen=True)
-class Alignment:
+class SnapshotFit:
     """What the fit of the used snapshots says; nothing if fewer than two have a true one.
 
     - ``truth_from_model``: the fit
@@ -41,7 +41,7 @@ class Alignment:
     headings: tuple[float, ...] = ()
 
 
-def align(model: TableModel, truth: Truth) -> Alignment:
+def align(model: TableModel, truth: Truth) -> SnapshotFit:
     """Fit the used snapshots onto the true ones."""
     estimated, true, sigmas = [], [], []
     for snapshot, known in matched(model, truth):
@@ -53,7 +53,7 @@ def align(model: TableModel, truth: Truth) -> Alignment:
         estimated.append(Pose2(at.x, at.y, at.yaw))
         sigmas.append(snapshot.sigma.xy if snapshot.sigma else None)
     if len(true) < 2:
-        return Alignment()
+        return SnapshotFit()
     fit = fit_rigid(
         np.array([p.translation for p in estimated]), np.array([p.translation for p in true])
     )
@@ -65,7 +65,7 @@ def align(model: TableModel, truth: Truth) -> Alignment:
         planar = None if sigma is None else sigma * np.sqrt(2)
         poses.append(Error("pose", distance, planar, 0.0, distance))
         headings.append(abs(wrap_angle(placed.yaw - there.yaw)))
-    return Alignment(fit, tuple(poses), tuple(headings))
+    return SnapshotFit(fit, tuple(poses), tuple(headings))
 
 
 def matched(model: TableModel, truth: Truth) -> Iterator[tuple[SnapshotPose, TrueSnapshot]]:

@@ -16,7 +16,7 @@ from tablemap.review.current import camera_of_stop
 from tablemap.review.eyes import stops_eye
 from tablemap.review.matrix import log_matrix, tints, told
 from tablemap.review.motion import log_correction, log_trajectory
-from tablemap.review.pairs import Pairs
+from tablemap.review.pairs import PairDrawing
 from tablemap.review.room import LOW, Room
 from tablemap.review.scene import FEW_STOPS
 from tablemap.review.stream import Stream
@@ -32,7 +32,7 @@ class Alignment:
     """Draws the registration; it stores the pairs' iterations until the pairs are judged."""
 
     def __init__(self) -> None:
-        self.pairs = Pairs()
+        self.pairs = PairDrawing()
         self._registration: Registration | None = None
 
     def log_as_far_as_it_came(self, stream: Stream) -> None:

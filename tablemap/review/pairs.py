@@ -43,7 +43,7 @@ class _Sequence:
     figures: list[tuple[int, float, float, int]] = field(default_factory=list)
 
 
-class Pairs:
+class PairDrawing:
     """Stores the motion of each pair until the pairs are judged, and then draws them.
 
     The memory grows with the pairs, whose number the snapshots bound. The clouds are those of the

@@ -59,20 +59,20 @@ def height_of(
 
 
 @dataclass(frozen=True)
-class _Told:
+class _ByEdges:
     """How much farther the top is than depth says, a share, by the edges alone; its variance."""
 
     share: float
     variance: float
 
 
-def _told_by_edges(camera: TopBelief, chosen: Candidate) -> _Told | None:
+def _told_by_edges(camera: TopBelief, chosen: Candidate) -> _ByEdges | None:
     """Take the prior off the fitted distance; None if the edges say nothing of it."""
     fitted, prior = chosen.spread.scale_sigma**2, float(camera.covariance[1, 1])
     information = 1 / fitted - 1 / max(prior, 1e-12)
     if information * prior < _LEAST_INFORMATION:
         return None
-    return _Told(chosen.fit.nuisances.scale / (fitted * information), 1 / information)
+    return _ByEdges(chosen.fit.nuisances.scale / (fitted * information), 1 / information)
 
 
 _LEAST_INFORMATION = 0.05  # of what was believed before
@@ -85,7 +85,7 @@ class _Explained:
     log_weight: float
 
 
-def _explained(rival: Rival, told: _Told | None) -> _Explained:
+def _explained(rival: Rival, told: _ByEdges | None) -> _Explained:
     """Update one explanation by the edges (Kalman): step of the height, variance, weight."""
     (height, both), (_, distance) = rival.covariance
     if told is None:
@@ -100,7 +100,7 @@ def _explained(rival: Rival, told: _Told | None) -> _Explained:
 
 
 def _disagreement(
-    rivals: tuple[Rival, ...], weight: Floats, told: _Told, sigma: float
+    rivals: tuple[Rival, ...], weight: Floats, told: _ByEdges, sigma: float
 ) -> ProcessWarning:
     rare = [(float(w), _CAUSES[r.cause]) for r, w in zip(rivals, weight, strict=True) if r.cause]
     likeliest = " or ".join(f"{cause} ({100 * w:.0f} %)" for w, cause in sorted(rare, reverse=True))
