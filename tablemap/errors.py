@@ -188,6 +188,7 @@ WARNING_CODES: dict[str, str] = {
     "export.assumed_thickness": "The top's thickness is not known; the configured one was written.",
     "export.outline_repaired": "The outline crosses itself; its largest part was written.",
     "export.bound": "A dimension was not seen; its bound was written.",
+    "export.no_legs": "No legs were found; the top alone was written.",
     "export.verdict": "The model that was exported is doubtful or failed.",
 }
 """Every warning code and what it means. Codes that doubt the figures begin with ``accuracy.``."""

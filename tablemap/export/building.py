@@ -15,6 +15,7 @@ from tablemap.export.solid import Box, Cylinder, Prism, Solid, SolidPart
 from tablemap.geometry import Floats, Pose2
 from tablemap.model import TableLeg, TableModel, TableSurface
 from tablemap.model.shapes import shape_named
+from tablemap.model.summary import doubts
 from tablemap.words import counted
 
 
@@ -134,8 +135,13 @@ def _doubts(model: TableModel) -> list[ProcessWarning]:
         warnings.append(
             _warning("export.bound", f"not seen, so exported at its bound: {', '.join(unseen)}.")
         )
+    if not model.legs:
+        said = (
+            "no legs were found, so the object is its top alone; what stands below it is unknown."
+        )
+        warnings.append(_warning("export.no_legs", said))
     if model.verdict.level != "good":
-        reasons = "; ".join(model.verdict.reasons) or "no reason was recorded"
+        reasons = "; ".join(doubts(model)) or "no reason was recorded"
         warnings.append(
             _warning("export.verdict", f"the model's verdict is {model.verdict.level}: {reasons}")
         )

@@ -58,7 +58,7 @@ def test_an_unknown_thickness_is_configured_and_warned_of(tmp_path: Path) -> Non
 
 
 def test_what_doubts_the_figures_is_warned_of(tmp_path: Path) -> None:
-    """A bound, a doubtful verdict, an outline that crosses itself."""
+    """A bound, a doubtful verdict, an outline that crosses itself, a top on no legs."""
     model = MODELS["rectangle"]
     length = model.surface.dimensions["length"].model_copy(update={"status": "unseen"})
     unseen = _changed(model, dimensions={**model.surface.dimensions, "length": length})
@@ -66,10 +66,11 @@ def test_what_doubts_the_figures_is_warned_of(tmp_path: Path) -> None:
     bow = ((0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.4))
     crossed = _changed(model, shape="mesh", dimensions={}, outline=bow)
     codes = []
-    for each in (unseen, doubtful, crossed):
+    for each in (unseen, doubtful, crossed, model.model_copy(update={"legs": ()})):
         exported = export_model(each, ["glb", "sdf", "nav2"], output=tmp_path)
         codes += [warning.code for warning in exported.warnings]
-    assert codes == ["export.bound", "export.verdict", "export.outline_repaired"]
+    expected = ["bound", "verdict", "outline_repaired", "no_legs"]
+    assert codes == [f"export.{name}" for name in expected]
     assert set(codes) <= set(WARNING_CODES)
 
 
