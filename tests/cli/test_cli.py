@@ -188,8 +188,19 @@ def test_an_unknown_scenario_is_one_sentence(tmp_path: Path) -> None:
     assert len(done.stderr.strip().splitlines()) == 1
 
 
-def interrupted(folder: Path, number: signal.Signals, *arguments: str) -> tuple[int, str]:
-    """Send a signal once the demo's review is begun; the exit code, and what was printed."""
+def interrupted(
+    folder: Path, number: signal.Signals, *arguments: str, failed: tuple[str, ...] = ()
+) -> tuple[int, str]:
+    """Send a signal once the demo's review is begun; the exit code, and what was printed.
+
+    The runs of recordings that are to have ``failed`` by then are waited for.
+    """
+
+    def has_come() -> bool:
+        manifests = (folder.glob(f"runs/{name}/*/manifest.json") for name in failed)
+        ended = (any('"failed"' in one.read_text() for one in each) for each in manifests)
+        return any(folder.glob("runs/demo/*/run.rrd")) and all(ended)
+
     running = subprocess.Popen(
         [*TABLEMAP, "process", *arguments, "-o", "runs"],
         cwd=folder,
@@ -197,7 +208,7 @@ def interrupted(folder: Path, number: signal.Signals, *arguments: str) -> tuple[
         text=True,
     )
     deadline = time.monotonic() + 120
-    while not list(folder.glob("runs/demo/*/run.rrd")) and time.monotonic() < deadline:
+    while not has_come() and time.monotonic() < deadline:
         time.sleep(0.05)
     time.sleep(0.5)
     running.send_signal(number)
@@ -233,7 +244,10 @@ def test_an_interruption_of_several_says_what_each_left(
     (tmp_path / "text.mcap").write_text("no recording")
     (tmp_path / "runs" / "demo" / "20200101T000000-00000000").mkdir(parents=True)
     code, errors = interrupted(
-        tmp_path, signal.SIGINT, "text.mcap", str(demo_recording), "--jobs", jobs
+        tmp_path,
+        signal.SIGINT,
+        *("text.mcap", str(demo_recording), "--jobs", jobs),
+        failed=("text",),
     )
     assert code == 130, errors
     assert "Traceback" not in errors
