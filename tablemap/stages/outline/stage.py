@@ -79,6 +79,8 @@ def find_edges(
     if len(own) > 2 and apart > _UNLIKE:
         warnings.append(_at_other_heights(unlifted, apart))
         height_sigma = float(np.hypot(height_sigma, apart))
+    # Many views that saw the top at another height were left out.
+    height_sigma = float(np.hypot(height_sigma, segmentation.height_apart))
 
     lift = 0.0 if camera is None else camera.view_lift
     if camera is not None:

@@ -86,13 +86,17 @@ class TableRefused:
 
 @dataclass(frozen=True, eq=False)
 class Segmentation:
-    """The chosen table, its joint ``height`` above the floor (metres), and every view's labels."""
+    """The chosen table, its joint ``height`` above the floor (metres), and every view's labels.
+
+    ``height_apart`` is how far off the height is in many other views, metres; 0 if in few.
+    """
 
     views: tuple[ViewSegmentation, ...]
     height: float
     height_sigma: float
     candidates: tuple[TableCandidate, ...]
     warnings: tuple[ProcessWarning, ...]
+    height_apart: float = 0.0
 
     @property
     def used(self) -> tuple[int, ...]:

@@ -180,6 +180,7 @@ def _labelled(
         height_sigma=height.sigma,
         candidates=candidates,
         warnings=(*warnings, *_doubts(height), *_hardly(chosen)),
+        height_apart=_apart(height),
     )
 
 
@@ -246,13 +247,21 @@ def _choose(
 _MANY_ELSEWHERE = 0.25  # share of the views: two may measure a tray, a book or a seat
 
 
+def _apart(height: Height) -> float:
+    """Return how far off the height is in many other views, metres; 0 where only a few differ."""
+    count = len(height.elsewhere) + len(height.planes)
+    if len(height.elsewhere) <= max(2.0, _MANY_ELSEWHERE * count):
+        return 0.0
+    return abs(float(np.median(height.elsewhere)) - height.value)
+
+
 def _doubts(height: Height) -> list[ProcessWarning]:
     found = []
     if height.scatter > 0.01:
         message = f"The top's height varies by {1000 * height.scatter:.0f} mm between views"
         found.append(ProcessWarning("accuracy.height_scatter", "segmentation", message))
     count = len(height.elsewhere) + len(height.planes)
-    if len(height.elsewhere) > max(2.0, _MANY_ELSEWHERE * count):
+    if _apart(height):
         message = (
             f"In {len(height.elsewhere)} of {counted(count, 'view')}, the surface at the table's "
             f"place is {np.median(height.elsewhere):.3f} m high, not {height.value:.3f} m; the "

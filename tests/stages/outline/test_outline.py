@@ -373,6 +373,18 @@ def test_ends_at_a_rim_without_depth_tell_its_width(rim: float) -> None:
     assert np.median(edges.hole[sharp]) == pytest.approx(rim, abs=1.5 * pixel)
 
 
+def test_views_that_were_left_out_for_their_height_widen_its_sigma() -> None:
+    """The top that they saw is as likely the table's: the sigma reaches it."""
+    shot, view = photograph(Scene(TOP), HIGH_CAMERA, np.random.default_rng(0), index=0)
+    alike = segmentation_of([view], TOP.high)
+    one, other = (
+        find_edges((shot,), replace(alike, height_apart=apart), config=CONFIG, sensors=SENSORS)
+        for apart in (0.0, 0.02)
+    )
+    assert other.height == one.height
+    assert other.height_sigma == pytest.approx(np.hypot(one.height_sigma, 0.02))
+
+
 @pytest.mark.parametrize(("rise", "is_doubted"), [(0.0, False), (0.004, False), (0.02, True)])
 def test_a_top_that_was_raised_between_views_is_doubted(rise: float, is_doubted: bool) -> None:
     """Two of four views show it higher: the height's sigma reaches both."""

@@ -121,7 +121,9 @@ def test_a_top_at_another_height_in_half_of_the_views_is_doubted(rise: float) ->
     raised = segment((*low[:3], *high[3:]), config=CONFIG, sensors=SENSORS)
     (warning,) = [w for w in raised.warnings if w.code == "accuracy.height_scatter"]
     assert "3 of 6 views" in warning.message
+    assert raised.height_apart == pytest.approx(rise, abs=0.006)
     still = segment(low, config=CONFIG, sensors=SENSORS)
+    assert still.height_apart == 0.0
     assert "accuracy.height_scatter" not in {w.code for w in still.warnings}
 
 
