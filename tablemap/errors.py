@@ -155,7 +155,7 @@ WARNING_CODES: dict[str, str] = {
         "The edge points scatter far more about the chosen outline than their sigma says."
     ),
     "accuracy.hidden_rim": (
-        "The rim of the top, or its corners, give no depth: the edge lies farther out."
+        "The rim or corners of the top give no depth, or a wrong one: the edge lies farther out."
     ),
     "accuracy.outline": (
         "Over centimetres the top's edge is off the chosen outline: its shape is not on the list."

@@ -16,6 +16,7 @@ from tablemap.stages.legs.depth import Reach, find_posts, reach
 from tablemap.stages.legs.ends import UpperEnd, upper_end
 from tablemap.stages.legs.layout import Frame, is_two_tables
 from tablemap.stages.legs.ledges import find_ledge
+from tablemap.stages.legs.misread import find_misread_side
 from tablemap.stages.legs.missing import infer_missing
 from tablemap.stages.legs.posts import accept_posts
 from tablemap.stages.legs.result import Legs, RejectedCluster
@@ -128,7 +129,8 @@ def find_legs(
     )
     warnings += [body.warning for body in bodies[:1]]
     ledge = find_ledge(snapshots, poses, polygon, surface.height.value)
-    warnings += [ledge] if ledge is not None else []
+    misread = find_misread_side(snapshots, poses, polygon, surface.height.value)
+    warnings += [each for each in (ledge, misread) if each is not None]
     return Legs(
         tuple(legs),
         tuple(rejected + refused),
