@@ -66,6 +66,7 @@ class Calibration:
     snapshots: the corrected ones
     turns: (views,), radians that the axes of roll and pitch turned with the head
     floor_z: metres, the floor in the fixed frame; the corrected snapshots count z from it
+    is_cluttered: whether what is seen near the floor's level is not flat, and so no floor
     warnings: doubts about the camera or the floor
     """
 
@@ -82,6 +83,7 @@ class Calibration:
     top: LevelResiduals | None = None
     sees_top: bool = False
     floor_z: float = 0.0
+    is_cluttered: bool = False
 
     @property
     def roll(self) -> float:

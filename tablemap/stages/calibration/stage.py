@@ -62,6 +62,8 @@ def calibrate(
             if is_wider and not _excess(found.adjustment, config)
             else result
         )
+    if level is not None and result.is_cluttered and level > 0:
+        level = None  # a floor under things on it is lower than they are
     if level is not None and abs(level) >= (config.floor_band if missed else config.least_level):
         found = _at_level(snapshots, level, beliefs, config, sensors)
         if missed or not _excess(found.adjustment, config):
@@ -81,12 +83,21 @@ def flatten(calibration: Calibration, top: SeenTop, *, config: CalibrationConfig
     samples = collect(snapshots, config, corrected=calibration.snapshots, top=top)
     if samples is None or not samples.is_top.any():
         return calibration
+    if calibration.is_cluttered:
+        samples = _of_top(samples)
     result = _calibrated(snapshots, samples, calibration.beliefs, config)
     known = {warning.code for warning in calibration.warnings}
     new = [warning for warning in result.warnings if warning.code not in known]
     warnings = (*calibration.warnings, *new)
     return _believed(
-        replace(result, sees_top=True, floor_z=calibration.floor_z, warnings=warnings), config
+        replace(
+            result,
+            sees_top=True,
+            floor_z=calibration.floor_z,
+            is_cluttered=calibration.is_cluttered,
+            warnings=warnings,
+        ),
+        config,
     )
 
 
@@ -190,20 +201,54 @@ def _calibrated(
     beliefs: Beliefs,
     config: CalibrationConfig,
 ) -> Calibration:
-    pixels = 0 if samples is None else samples.pixels
     sees_top = samples is not None and bool(samples.is_top.any())
-    if samples is None or (pixels < config.least_floor_pixels and not sees_top):
-        warning = ProcessWarning(
-            "calibration.no_floor",
-            "calibration",
-            f"the floor has only {counted(pixels, 'pixel')} in {counted(len(snapshots), 'view')}, "
-            f"{config.least_floor_pixels} are needed; the camera's tilt and scale were left as "
-            "recorded",
+    pixels = 0 if samples is None else samples.pixels
+    if samples is not None and (pixels >= config.least_floor_pixels or sees_top):
+        samples, adjustment = _in_its_axes(samples, beliefs)
+        if not _is_cluttered(snapshots, samples, adjustment):
+            return _result(snapshots, samples, adjustment, beliefs, ())
+        if sees_top:
+            samples, adjustment = _in_its_axes(_of_top(samples), beliefs)
+            return _result(snapshots, samples, adjustment, beliefs, ())
+        why = (
+            f"what {counted(len(snapshots), 'view')} show of a floor is little and not flat, like "
+            "things on it; let the camera see more of it"
         )
-        nothing = unadjusted(beliefs, len(snapshots))
-        return _result(snapshots, None, nothing, beliefs, (warning,))
-    samples, adjustment = _in_its_axes(samples, beliefs)
-    return _result(snapshots, samples, adjustment, beliefs, ())
+    else:
+        why = (
+            f"the floor has only {counted(pixels, 'pixel')} in {counted(len(snapshots), 'view')}, "
+            f"{config.least_floor_pixels} are needed"
+        )
+    warning = ProcessWarning(
+        "calibration.no_floor",
+        "calibration",
+        f"{why}; the camera's tilt and scale were left as recorded",
+    )
+    nothing = unadjusted(beliefs, len(snapshots))
+    result = _result(snapshots, None, nothing, beliefs, (warning,))
+    return replace(result, is_cluttered=pixels >= config.least_floor_pixels)
+
+
+def _is_cluttered(
+    snapshots: tuple[Snapshot, ...], samples: LevelSamples, adjustment: Adjustment
+) -> bool:
+    """Tell whether the little that passes for floor is not flat: then it is things on the floor.
+
+    Where more is seen, a floor may have steps: a rug, a platform.
+    """
+    whole = sum(snapshot.depth.size for snapshot in snapshots)
+    if samples.pixels >= _LITTLE_FLOOR * whole or samples.is_top.all():
+        return False
+    floor = samples.only(~samples.is_top)
+    return _support(floor, adjustment) < _LEAST_FLAT * len(floor.depth)
+
+
+def _of_top(samples: LevelSamples) -> LevelSamples:
+    return replace(samples.only(samples.is_top), pixels=0)
+
+
+_LITTLE_FLOOR = 0.01  # of the images' pixels
+_LEAST_FLAT = 0.75  # of these that fit the adjusted floor: floors of real clips have 0.8 and more
 
 
 def _in_its_axes(samples: LevelSamples, beliefs: Beliefs) -> tuple[LevelSamples, Adjustment]:

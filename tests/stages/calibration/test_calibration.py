@@ -174,6 +174,39 @@ def test_without_floor_the_recorded_camera_stays() -> None:
     assert np.sqrt(result.covariance[2, 2]) == pytest.approx(SENSORS.depth_scale_sigma)
 
 
+def pit(heights: list[list[float]]) -> list[Box]:
+    """Return a wide platform with a pit, in which things of these heights cover the floor."""
+    size, side = 0.52, 10.0
+    far = (size + side) / 2
+    boxes = [Box(1.0 + s * far, 0.5, side, 2 * side + size, 0.0, 0.3) for s in (-1, 1)]
+    boxes += [Box(1.0, 0.5 + s * far, size, side, 0.0, 0.3) for s in (-1, 1)]
+    wide = size / len(heights)
+    for i, row in enumerate(heights):
+        for j, height in enumerate(row):
+            place = np.array([1.0, 0.5]) + wide * (np.array([i, j]) + 0.5) - size / 2
+            boxes += [Box(*place, wide, wide, 0.0, height)] if height else []
+    return boxes
+
+
+THINGS = [[0.0, 0.1, 0.05], [0.05, 0.02, 0.1], [0.1, 0.05, 0.0]]
+
+
+@pytest.mark.parametrize("heights", [THINGS, [[0.0]]])
+def test_a_few_things_on_a_hidden_floor_are_no_floor(heights: list[list[float]]) -> None:
+    """What little is seen of a floor corrects the camera if it is flat, and else nothing."""
+    snapshots = round_trip(pit(heights), (1.0, 0.5), views=8, radius=1.4, mount=mounting(2.0, 52.0))
+    result = calibrate(snapshots, config=CONFIG, sensors=SENSORS)
+    assert result.is_cluttered == (heights is THINGS)
+    notes = [w.message for w in result.warnings if w.code == "calibration.no_floor"]
+    assert len(notes) == (heights is THINGS)
+    assert all("little and not flat" in note for note in notes)
+    assert (result.pitch == 0.0) == (heights is THINGS)
+    tops = {s.index: np.abs(s.points_in_base()[..., 2] - 0.3) < 0.01 for s in result.snapshots}
+    again = flatten(result, SeenTop(0.3, tops), config=CONFIG)
+    assert again.sees_top
+    assert (again.floor_pixels == 0) == (heights is THINGS)
+
+
 def raised(level: float, base_z: float) -> tuple[Snapshot, ...]:
     """Views of a table whose floor lies at a level of the fixed frame, the base's origin at z."""
     mount = mounting()
