@@ -241,7 +241,7 @@ def _solve(
     views = samples.views
     total = COUNT + 3 * views
     information = np.eye(total)
-    rows, weighted = _rows(samples, values), np.empty((COUNT, len(samples.depth)))
+    rows = _rows(samples, values)
     tops, parts = samples.only(samples.is_top), samples.parts
     for gate in gates:
         residual = residuals(samples, values, own)
@@ -250,21 +250,25 @@ def _solve(
         # The floor is known: only the rows of the top change from one step to the next.
         if len(tops.depth):
             rows[:, samples.is_top] = _rows(tops, values)
-        np.multiply(rows, weight, out=weighted)
         information = np.zeros((total, total))
         right = np.zeros(total)
-        information[:COUNT, :COUNT] = weighted @ rows.T + np.diag(sigma**-2.0)
-        right[:COUNT] = -weighted @ residual - (values - mean) / sigma**2
+        information[:COUNT, :COUNT] = np.diag(sigma**-2.0)
+        right[:COUNT] = -(values - mean) / sigma**2
         for view, part in enumerate(parts):
             at = slice(COUNT + 3 * view, COUNT + 3 * view + 3)
+            # The rows of one view stay in the processor's cache.
+            mine = rows[:, part]
+            heavy = mine * weight[part]
+            told, pull = heavy @ mine.T, -heavy @ residual[part]
+            information[:COUNT, :COUNT] += told
+            right[:COUNT] += pull
             information[at, at] = np.diag(own_prior**-2.0)
             if not able[view]:
                 continue
-            mine, heavy = rows[_OWN, part], weighted[_OWN, part]
-            information[at, at] += mine @ heavy.T
-            cross = weighted[:, part] @ mine.T
-            information[:COUNT, at], information[at, :COUNT] = cross, cross.T
-            right[at] = -heavy @ residual[part] - own[view] / own_prior**2
+            # A view's own unknowns move its samples as the common ones do.
+            information[at, at] += told[np.ix_(_OWN, _OWN)]
+            information[:COUNT, at], information[at, :COUNT] = told[:, _OWN], told[_OWN]
+            right[at] = pull[_OWN] - own[view] / own_prior**2
         step = np.asarray(np.linalg.solve(information, right), dtype=np.float64)
         values = values + step[:COUNT]
         own = own + step[COUNT:].reshape(views, 3)
