@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
+from scipy.spatial import cKDTree
 
 from tablemap.config import OutlineConfig
 from tablemap.geometry import Bools, Floats
@@ -24,7 +25,7 @@ class Contour:
     - ``place``: (n, 2) column and row in the window
     - ``outward``: (n, 2) unit vectors in the image
     - ``kind``: (n,) of `EdgeKind`
-    - ``gap``: (n,), number of unknown pixels next to the point
+    - ``gap``: (n,), number of unknown pixels next to the point, or more where the edge is torn
     - ``hole``: (n,), pixels of missing depth from the end outward to a lower surface; NaN where the
       end is none, where something else follows, or the sensor's shadow
     - ``facing``: (n,), cosine between ``outward`` and the image's downward direction; above 0 the
@@ -60,6 +61,7 @@ def trace(seen: Occupancy, snapshot: Snapshot, *, config: OutlineConfig) -> Cont
     gap = np.concatenate([gap, np.zeros(len(other_place))])
     hole = _holes(seen, place, step, kind)
     facing = np.sum(step * _down(seen, snapshot, place), axis=1)
+    gap = np.where(_is_torn(place, kind, facing), np.maximum(gap, _TORN_GAP_PX), gap)
     return Contour(place, step, kind, gap, hole, facing)
 
 
@@ -78,6 +80,41 @@ def _holes(seen: Occupancy, place: Floats, step: Floats, kind: NDArray[np.uint8]
 
 
 _HOLE_PX = np.arange(0.5, 64.0)
+
+
+def _is_torn(place: Floats, kind: NDArray[np.uint8], facing: Floats) -> Bools:
+    """Tell which far ends are left over of an edge that mostly lacks depth.
+
+    Before a bright background, the matching windows at the edge of a dark top are torn between the
+    two. Most of them have no depth. Where one has, the background may have won: such an end lies
+    pixels inside of the edge.
+    """
+    lost = kind == EdgeKind.MISSING
+    ends = np.flatnonzero((facing <= 0) & (lost | (kind == EdgeKind.TABLE)))
+    torn = np.zeros(len(place), dtype=bool)
+    lost = lost[ends]
+    if not lost.any():
+        return torn
+    first, second = cKDTree(place[ends]).query_pairs(_TORN_PX, output_type="ndarray").T
+    first, second = np.concatenate([first, second]), np.concatenate([second, first])
+    around = np.maximum(np.bincount(first, minlength=len(ends)), 1)
+    gone, least = lost, _TORN_SHARE
+    while True:
+        share = np.bincount(first, weights=gone[second], minlength=len(ends)) / around
+        more = gone | (share > least)
+        if (more == gone).all():
+            break
+        # What is torn counts as lost for the ends beside it; half of the ends beside the last torn
+        # one are whole, so that this does not run along the edge.
+        gone, least = more, _TORN_AROUND
+    torn[ends] = gone & ~lost
+    return torn
+
+
+_TORN_PX = 24.0
+_TORN_GAP_PX = 14.0  # makes a sigma of four pixels: half of a matching window
+_TORN_SHARE = 0.4  # of the ends round one that are missing; at edges that were seen, 0 to .3
+_TORN_AROUND = 0.65
 
 
 def _down(seen: Occupancy, snapshot: Snapshot, place: Floats) -> Floats:

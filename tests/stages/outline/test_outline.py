@@ -346,6 +346,65 @@ def test_missing_depth_is_no_table_edge() -> None:
     assert np.sum(edges.kind == EdgeKind.MISSING) > 20
 
 
+@pytest.mark.parametrize("kept", [4, 6])
+def test_what_is_left_of_a_torn_edge_is_uncertain(kept: int) -> None:
+    """Where a far edge mostly lacks depth, the ends between lie pixels inside, and may.
+
+    Matching windows tear the edge of a dark top so before a bright floor: of every twenty columns,
+    a few read the floor in the outer four pixels of the top, and the others have no depth.
+    """
+    scene = Scene(TOP)
+    snapshot, view = photograph(scene, HIGH_CAMERA, np.random.default_rng(0))
+    top = view.labels == Label.TOP
+    rows, columns = np.arange(len(top))[:, None], np.arange(top.shape[1])[None, :]
+    inside_px = np.where(top.any(axis=0), rows - top.argmax(axis=0), len(top))
+    wins = columns % 20 < kept
+    floor, lost = top & wins & (inside_px < 4), top & ~wins & (inside_px < 12)
+    pose = snapshot.base_from_camera
+    on_floor = -pose[2, 3] / (snapshot.camera.rays @ pose[2, :3])
+    depth = np.where(floor, on_floor, np.where(lost, np.nan, snapshot.depth)).astype(np.float32)
+    labels = np.where(floor, Label.BEHIND, np.where(lost, Label.UNKNOWN, view.labels))
+    whole, left = (
+        find_edges((shot,), segmentation_of([seen], TOP.high), config=CONFIG, sensors=SENSORS)
+        for shot, seen in (
+            (snapshot, view),
+            (replace(snapshot, depth=depth), replace(view, labels=labels.astype(np.uint8))),
+        )
+    )
+    far, near = errors_mm(scene, left.views[0], near=False), left.views[0].is_near
+    table = left.views[0].kind == EdgeKind.TABLE
+    sigma = 1e3 * left.views[0].sigma
+    pixel = 1e3 * left.views[0].metres_per_px
+    off = far / pixel[table & ~near]
+    assert np.count_nonzero(off < -2) > 10
+    assert np.mean((sigma / pixel)[table & ~near][off < -2] > 3.5) > 0.8
+    assert np.count_nonzero(table & near) > 80
+    np.testing.assert_allclose(
+        np.median(sigma[table & near]),
+        1e3 * np.median(whole.views[0].sigma[whole.views[0].is_near]),
+        rtol=0.1,
+    )
+
+
+def test_small_holes_do_not_tear_an_edge() -> None:
+    """A far edge that lacks depth in places still counts."""
+    scene = Scene(TOP)
+    snapshot, view = photograph(scene, HIGH_CAMERA, np.random.default_rng(0))
+    lost = (view.labels == Label.TOP) & (np.arange(snapshot.depth.shape[1])[None, :] % 60 < 6)
+    found = [
+        find_edges(
+            (replace(snapshot, depth=depth.astype(np.float32)),),
+            segmentation_of([view], TOP.high),
+            config=CONFIG,
+            sensors=SENSORS,
+        ).views[0]
+        for depth in (snapshot.depth, np.where(lost, np.nan, snapshot.depth))
+    ]
+    whole, holed = (e.sigma[(e.kind == EdgeKind.TABLE) & ~e.is_near] for e in found)
+    assert len(holed) > 0.7 * len(whole)
+    assert np.mean(holed > 2 * np.median(whole)) < 0.2
+
+
 @pytest.mark.parametrize("rim", [0.02, 0.04])
 def test_ends_at_a_rim_without_depth_tell_its_width(rim: float) -> None:
     """Near ends are at missing depth; where the pixels are smallest, the hole is as wide."""
