@@ -123,7 +123,7 @@ class _NoNotes(defaultdict[str, list[str]]):
 
 
 def without_pydantic_plugins() -> None:
-    """Let this program's pydantic look for no plugins.
+    """Let this program's pydantic, which KISS-ICP is set by, look for no plugins.
 
     For its first model it would read what every installed package offers.
     """

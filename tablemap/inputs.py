@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
@@ -144,6 +143,8 @@ class Input:
         These have each file's hash, two blanks and its name alone, in the order of the places.
         Raises `RecordingError` where a file cannot be read.
         """
+        import hashlib  # here: who only names an input does without it
+
         if self.is_remote:
             return None
         files = self.files()
@@ -174,6 +175,8 @@ def is_recording(file: Path) -> bool:
 
 def sha256(path: AnyPath) -> str:
     """Return a file's SHA-256, read in pieces. Raises `RecordingError` where it cannot be read."""
+    import hashlib
+
     try:
         with opened_regular(as_path(path)) as file:
             return hashlib.file_digest(file, "sha256").hexdigest()

@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, Literal, get_args, get_origin
+import sys
+from collections.abc import Iterable, Iterator
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 from msgspec import Struct, json
 from msgspec.structs import fields
 
+MOST = sys.float_info.max
+"""The largest finite number: a bound that says no more than that a number is finite."""
+
 
 def json_schema(kind: type[Struct]) -> dict[str, Any]:
-    """Return the JSON Schema of a kind of objects; choices stand as they are written there."""
+    """Return the JSON Schema of a kind of objects; choices stand as they are written there.
+
+    A field whose annotation has ``extra={"names": names}`` is one of these names.
+    """
     found = json.schema(kind)
+    for each in _structs(kind):
+        properties = found["$defs"][each.__name__]["properties"]
+        for field in fields(each):
+            metas = get_args(field.type)[1:] if get_origin(field.type) is Annotated else ()
+            for names in (meta.extra["names"] for meta in metas if "names" in (meta.extra or {})):
+                properties[field.encode_name]["enum"] = list(names)
     top = found["$defs"].pop(kind.__name__)
     parts = {"$defs": found["$defs"]} if found["$defs"] else {}
     orders = {frozenset(order): list(order) for order in choices(kind)}
@@ -20,14 +33,22 @@ def json_schema(kind: type[Struct]) -> dict[str, Any]:
 
 def choices(kind: Any) -> Iterator[tuple[object, ...]]:
     """Yield the values of every choice in a type and below it."""
-    if get_origin(kind) is Literal:
-        yield get_args(kind)
-    elif isinstance(kind, type) and issubclass(kind, Struct):
-        for field in fields(kind):
-            yield from choices(field.type)
+    return (get_args(part) for part in _parts(kind) if get_origin(part) is Literal)
+
+
+def _structs(kind: Any) -> Iterator[type[Struct]]:
+    return (part for part in _parts(kind) if isinstance(part, type) and issubclass(part, Struct))
+
+
+def _parts(kind: Any) -> Iterator[Any]:
+    """Yield a type and all types in it."""
+    yield kind
+    if isinstance(kind, type) and issubclass(kind, Struct):
+        below: Iterable[Any] = (field.type for field in fields(kind))
     else:
-        for part in get_args(kind):
-            yield from choices(part)
+        below = () if get_origin(kind) is Literal else get_args(kind)
+    for part in below:
+        yield from _parts(part)
 
 
 def _in_order(part: Any, orders: dict[frozenset[object], list[object]]) -> Any:
@@ -38,5 +59,6 @@ def _in_order(part: Any, orders: dict[frozenset[object], list[object]]) -> Any:
             if name == "enum" and isinstance(value, list)
             else _in_order(value, orders)
             for name, value in part.items()
+            if not (name in ("minimum", "maximum") and value in (-MOST, MOST))
         }
     return [_in_order(each, orders) for each in part] if isinstance(part, list) else part

@@ -8,6 +8,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from msgspec import structs
 
 from tablemap.archive import load_run
 from tablemap.archive.index import list_runs
@@ -110,7 +111,7 @@ def test_topics_and_frames_of_any_names_are_shown_as_text(tmp_path: Path, as_jso
 
 def test_exports_of_any_names_are_well_formed(tmp_path: Path) -> None:
     """Every XML that is written of a table in a frame of this name can be read."""
-    model = rectangle_model().model_copy(update={"frame": EVIL})
+    model = structs.replace(rectangle_model(), frame=EVIL)
     folder = make_run(tmp_path, "<&\"'>/one", model)
     export_run(folder.path, ["svg", "sdf", "gazebo", "urdf"])
     written = [

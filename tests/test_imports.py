@@ -38,13 +38,7 @@ def test_the_pipeline_loads_open3d_and_rerun_only_when_needed(module: str) -> No
 PARSES = {"typer", "rich", "click", "shellingham", "annotated_doc"}
 """What every command imports: Typer, and what Typer imports."""
 
-SETS = {"msgspec", "typing_extensions", "tomli_w"}
-"""What reads and writes settings."""
-
-VALIDATES = {
-    *SETS,
-    *("pydantic", "pydantic_core", "annotated_types", "typing_inspection"),
-}
+READS = {"msgspec", "typing_extensions", "tomli_w"}
 """What reads settings, manifests and models."""
 
 
@@ -56,10 +50,10 @@ VALIDATES = {
         (["process", "--help"], PARSES),
         (["runs", "--help"], PARSES),
         (["runs", "list"], PARSES),
-        (["runs", "show", "runs/lap/one"], PARSES | VALIDATES),
-        (["config"], PARSES | SETS),
-        (["schema", "config"], PARSES | VALIDATES),
-        (["simulate", "--list"], PARSES | VALIDATES),
+        (["runs", "show", "runs/lap/one"], PARSES | READS),
+        (["config"], PARSES | READS),
+        (["schema", "config"], PARSES | READS),
+        (["simulate", "--list"], PARSES | READS),
     ],
     ids=lambda given: " ".join(given) if isinstance(given, list) else "",
 )

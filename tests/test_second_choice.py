@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from tablemap import pipeline
 from tablemap.errors import EstimationError, ProcessWarning
@@ -98,7 +99,7 @@ class Stages:
             WarningEntry(stage=each.stage, code=each.code, message=each.message, stamp_ns=None)
             for each in (*findings.segmentation.warnings, *self.doubts)
         )
-        return rectangle_model().model_copy(update={"warnings": warnings})
+        return structs.replace(rectangle_model(), warnings=warnings)
 
 
 def process(tables: Any = "best") -> pipeline.Processed:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import atexit
 import shutil
-import tempfile
 from pathlib import Path
 from typing import cast
 
@@ -41,6 +40,8 @@ def _copied(url: str) -> tuple[Path, str]:
         run = _run_at(given)
         if run is None:
             raise TablemapError(f"expected a run folder with a manifest.json, found none: {given}")
+        import tempfile  # here: it is for runs on servers alone
+
         folder = Path(tempfile.mkdtemp(prefix="tablemap-")) / run.parent.name / run.name
         for name in _names(run):
             target = folder / name
@@ -60,7 +61,7 @@ def _names(run: RemotePath) -> list[str]:
     Raises `OSError` as `RemotePath.iterdir` does, and `ValueError` for a damaged manifest.
     """
     if run.url.startswith("http"):  # a web server lists nothing, and the manifest does
-        manifest = Manifest.model_validate_json(read_text(cast(Path, run / MANIFEST)))
+        manifest = Manifest.from_json(read_text(cast(Path, run / MANIFEST)))
         if any(".." in name or name.startswith("/") for name in manifest.files):
             raise ValueError("a file that is not in the run's folder")
         return [MANIFEST, *manifest.files]

@@ -5,15 +5,15 @@ Every file is written under a temporary name and then renamed, so that a file is
 
 from __future__ import annotations
 
-import hashlib
 import os
-import secrets
 import shutil
 from collections.abc import Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
+
+from msgspec.structs import replace
 
 from tablemap.archive.fetching import fetched_run
 from tablemap.archive.liveness import Writer, is_alive
@@ -84,7 +84,7 @@ class RunFolder:
         Some room is taken on the disk, so that how the run ends can be written when it is full.
         """
         now = datetime.now(UTC)
-        run_id = f"{now:%Y%m%dT%H%M%S}-{secrets.token_hex(4)}"
+        run_id = f"{now:%Y%m%dT%H%M%S}-{os.urandom(4).hex()}"
         recording = Input.of(recording)
         path = output / safe_name(recording.stem) / run_id
         _check_latest(path.parent / LATEST)
@@ -103,7 +103,7 @@ class RunFolder:
             path.mkdir(parents=True)
             folder._made = _identity(path)
             folder.update()
-            (path / RESERVE).write_bytes(secrets.token_bytes(RESERVED_BYTES))
+            (path / RESERVE).write_bytes(os.urandom(RESERVED_BYTES))
         except BaseException as error:
             shutil.rmtree(path, ignore_errors=True)
             if not isinstance(error, OSError):
@@ -115,8 +115,8 @@ class RunFolder:
 
     def update(self, **changes: object) -> None:
         """Change the manifest's fields and write it."""
-        self.manifest = self.manifest.model_copy(update=changes)
-        text = self.manifest.model_dump_json(by_alias=True, indent=1) + "\n"
+        self.manifest = replace(self.manifest, **changes)
+        text = self.manifest.to_json()
         try:
             self.write(MANIFEST, text)
         except TablemapError:
@@ -210,6 +210,8 @@ class RunFolder:
 
     def write(self, name: str, text: str) -> Path:
         """Write a text file of the run, completely or not at all."""
+        import hashlib  # here: who only reads runs does without it
+
         file = self.path / name
         self._check_there()
         try:
@@ -334,7 +336,7 @@ def read_manifest(folder: Path, *, given: Path) -> Manifest:
     """
     file = folder / MANIFEST
     try:
-        return Manifest.model_validate_json(read_text(file))
+        return Manifest.from_json(read_text(file))
     except (FileNotFoundError, NotADirectoryError) as error:
         raise TablemapError(
             f"expected a run folder with a manifest.json, found none; give the path that "

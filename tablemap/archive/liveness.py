@@ -4,17 +4,17 @@ A run that was killed leaves its manifest saying ``running``. The manifest names
 that is on another machine, a file tells when it last showed signs of life.
 """
 
-from __future__ import annotations
-
 import os
 import platform
 import threading
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Self
+from typing import Annotated, Self
 
-from pydantic import BaseModel, Field
+from msgspec import Meta
+
+from tablemap.model.documents import DocumentPart
 
 HEARTBEAT = ".alive"
 BEAT_SECONDS = 5.0
@@ -24,21 +24,22 @@ STALE_SECONDS = 600.0
 LONGEST_SECONDS = 24 * 3600.0
 
 
-class Writer(BaseModel):
+class Writer(DocumentPart, frozen=True, kw_only=True):
     """The process that writes a run."""
 
-    pid: int = Field(gt=0, lt=2**31, description="its number")
-    host: str = Field(description="name of the machine")
-    boot: str | None = Field(
-        default=None, description="which start of the machine; null where it does not say"
-    )
-    began: int | None = Field(
-        default=None,
-        description="when the process began, in ticks since then; null where it is not said",
-    )
+    pid: Annotated[int, Meta(gt=0, lt=2**31, description="its number")]
+    host: Annotated[str, Meta(description="name of the machine")]
+    boot: Annotated[
+        str | None,
+        Meta(description="which start of the machine; null where it does not say"),
+    ] = None
+    began: Annotated[
+        int | None,
+        Meta(description="when the process began, in ticks since then; null where it is not said"),
+    ] = None
 
     @staticmethod
-    def this() -> Writer:
+    def this() -> "Writer":
         """Return this process."""
         pid = os.getpid()
         return Writer(pid=pid, host=platform.node(), boot=_boot(), began=_began(pid))

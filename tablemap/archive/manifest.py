@@ -1,19 +1,18 @@
 """The manifest of a run: what was run on what, by which versions, and how it ended."""
 
-from __future__ import annotations
-
-import hashlib
+import json
 import os
 import platform
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+from msgspec import Meta, field
 
 from tablemap.archive.liveness import Writer
 from tablemap.inputs import Input
+from tablemap.model.documents import DocumentPart, parsed
+from tablemap.schemas import MOST
 from tablemap.version import __version__
 from tablemap.words import shown_path
 
@@ -35,7 +34,7 @@ Status = Literal["running", "ok", "partial", "failed", "interrupted"]
 LEAVE_A_MODEL: tuple[Status, ...] = ("ok", "partial")
 
 
-class RecordingEntry(BaseModel):
+class RecordingEntry(DocumentPart, frozen=True, kw_only=True):
     """The input of a run.
 
     - ``path``: the recording; the first file of a drive that has several
@@ -45,25 +44,32 @@ class RecordingEntry(BaseModel):
     - ``raw``: the paths in hexadecimal, where they are no valid text
     """
 
-    path: str = Field(
-        description="the recording, as it was given or found; bytes that are no valid text are "
-        "escaped"
-    )
-    size: int | None = Field(description="bytes of all files; null where one is not local")
-    sha256: str | None = Field(
-        description="SHA-256 of all files; null until they were read to their end, or where one is "
-        "not local"
-    )
-    together: tuple[str, ...] = Field(
-        default=(), description="the other files of a drive that has several"
-    )
-    raw: tuple[str, ...] = Field(
-        default=(),
-        description="the bytes of all paths in hexadecimal, where they are no valid text",
-    )
+    path: Annotated[
+        str,
+        Meta(
+            description="the recording, as it was given or found; bytes that are no valid text "
+            "are escaped",
+        ),
+    ]
+    size: Annotated[int | None, Meta(description="bytes of all files; null where one is not local")]
+    sha256: Annotated[
+        str | None,
+        Meta(
+            description="SHA-256 of all files; null until they were read to their end, or where "
+            "one is not local",
+        ),
+    ]
+    together: Annotated[
+        tuple[str, ...],
+        Meta(description="the other files of a drive that has several"),
+    ] = ()
+    raw: Annotated[
+        tuple[str, ...],
+        Meta(description="the bytes of all paths in hexadecimal, where they are no valid text"),
+    ] = ()
 
     @staticmethod
-    def of(recording: Input) -> RecordingEntry:
+    def of(recording: Input) -> "RecordingEntry":
         """Return the entry of a recording whose bytes have not been read yet."""
         places = recording.resolved().places
         first, *others = map(shown_path, places)
@@ -82,54 +88,87 @@ class RecordingEntry(BaseModel):
         return Input(places or (self.path, *self.together))
 
 
-class Manifest(BaseModel):
+class Manifest(DocumentPart, frozen=True, kw_only=True):
     """What was run on what, and how it ended."""
 
-    model_config = ConfigDict(extra="ignore", populate_by_name=True)
+    schema_name: Annotated[
+        str,
+        Meta(description="name of this schema"),
+    ] = field(default=SCHEMA, name="schema")
+    run_id: Annotated[
+        str,
+        Meta(
+            description="name of the run and of its folder: when it began, in UTC, and eight "
+            "random hexadecimal digits",
+        ),
+    ]
+    recording: Annotated[RecordingEntry, Meta(description="the input")]
+    method: Annotated[str, Meta(description="tablemap, or report: the baseline")]
+    tables: Annotated[
+        Literal["best", "all"] | tuple[float, float],
+        Meta(
+            description="which table: best (the one seen best), all, or [x, y] (the one nearest "
+            "to this place, metres in the map)",
+        ),
+    ]
+    seed: Annotated[int, Meta(description="start of the random numbers")]
+    versions: Annotated[
+        dict[str, str],
+        Meta(
+            description="versions of Python, the system, the packages and tablemap's source, by "
+            "name",
+        ),
+    ]
+    started: Annotated[str, Meta(description="date and time in UTC, ISO 8601")]
+    finished: Annotated[
+        str | None,
+        Meta(description="date and time in UTC, ISO 8601; null while it runs"),
+    ] = None
+    timings: Annotated[
+        dict[str, Annotated[float, Meta(ge=-MOST, le=MOST)]],
+        Meta(description="seconds of wall time, by stage"),
+    ] = field(default_factory=dict)
+    writer: Annotated[
+        Writer | None,
+        Meta(description="the process that writes the run; null in older manifests"),
+    ] = None
+    status: Annotated[
+        Status,
+        Meta(
+            description="running; ok; partial: a model, with a loss on the way; failed; "
+            "interrupted",
+        ),
+    ] = "running"
+    error: Annotated[
+        str | None,
+        Meta(description="why the run ended early, a sentence; null where it did not"),
+    ] = None
+    rejected: Annotated[
+        dict[int, str],
+        Meta(
+            description="with all tables: why a surface beside the chosen table is none, by its "
+            "number",
+        ),
+    ] = field(default_factory=dict)
+    files: Annotated[
+        dict[str, str],
+        Meta(
+            description="SHA-256 of each file of the finished run, by its name in the folder, "
+            "except the manifest",
+        ),
+    ] = field(default_factory=dict)
 
-    schema_name: str = Field(SCHEMA, alias="schema", description="name of this schema")
-    run_id: str = Field(
-        description="name of the run and of its folder: when it began, in UTC, and eight random "
-        "hexadecimal digits",
-    )
-    recording: RecordingEntry = Field(description="the input")
-    method: str = Field(description="tablemap, or report: the baseline")
-    tables: Literal["best", "all"] | tuple[float, float] = Field(
-        description="which table: best (the one seen best), all, or [x, y] (the one nearest to "
-        "this place, metres in the map)",
-    )
-    seed: int = Field(description="start of the random numbers")
-    versions: dict[str, str] = Field(
-        description="versions of Python, the system, the packages and tablemap's source, by name"
-    )
-    started: str = Field(description="date and time in UTC, ISO 8601")
-    finished: str | None = Field(
-        default=None,
-        description="date and time in UTC, ISO 8601; null while it runs",
-    )
-    timings: dict[str, FiniteFloat] = Field(
-        default={}, description="seconds of wall time, by stage"
-    )
-    writer: Writer | None = Field(
-        default=None, description="the process that writes the run; null in older manifests"
-    )
-    status: Status = Field(
-        default="running",
-        description="running; ok; partial: a model, with a loss on the way; failed; interrupted",
-    )
-    error: str | None = Field(
-        default=None,
-        description="why the run ended early, a sentence; null where it did not",
-    )
-    rejected: dict[int, str] = Field(
-        default={},
-        description="with all tables: why a surface beside the chosen table is none, by its number",
-    )
-    files: dict[str, str] = Field(
-        default={},
-        description="SHA-256 of each file of the finished run, by its name in the folder, except "
-        "the manifest",
-    )
+    def to_json(self) -> str:
+        """Return the text of ``manifest.json``."""
+        return json.dumps(self.fields(), indent=1, ensure_ascii=False) + "\n"
+
+    @staticmethod
+    def from_json(text: str | bytes) -> "Manifest":
+        """Read ``manifest.json``; unknown fields are ignored.
+
+        Raises `DamageError` if the text is no manifest.
+        """
+        return Manifest.read(parsed(text, "manifest"), "manifest")
 
 
 @cache
@@ -138,6 +177,10 @@ def versions() -> dict[str, str]:
 
     The source's digest distinguishes two states of a working copy with the same version.
     """
+    # Imported here: who reads a manifest does without them.
+    import hashlib
+    from importlib.metadata import PackageNotFoundError, version
+
     found = {
         "python": platform.python_version(),
         "platform": platform.platform(),

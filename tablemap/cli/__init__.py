@@ -21,6 +21,9 @@ def main() -> None:
     interrupts = Interrupts(grace_seconds=GRACE_SECONDS)
     interrupts.listen()
     try:
+        from tablemap.imports import collect_rarely
+
+        collect_rarely()
         from tablemap.cli.app import app, run
 
         run(app, interrupts)

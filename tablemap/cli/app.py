@@ -12,7 +12,6 @@ from tablemap.cli.commands import Commands, Debug, OnDemand, show_tracebacks
 from tablemap.cli.printing import complain, say
 from tablemap.errors import ConfigError, TablemapError
 from tablemap.imports import (
-    collect_rarely,
     hide_pandas,
     without_pydantic_plugins,
     without_scipy_notes,
@@ -51,7 +50,6 @@ def run(commands: Commands, interrupts: Interrupts) -> None:
     hide_pandas()
     without_pydantic_plugins()
     without_scipy_notes()
-    collect_rarely()
     try:
         commands()
     except SystemExit as end:

@@ -48,10 +48,9 @@ def simulate(
 
         known = [load_scenario(name) for name in scenario_names()]
         if as_json:
-            keys = {"name", "description", "suites"}
-            say(
-                json.dumps([each.model_dump(mode="json", include=keys) for each in known], indent=1)
-            )
+            keys = ("name", "description", "suites")
+            listed = [{key: getattr(each, key) for key in keys} for each in known]
+            say(json.dumps(listed, indent=1))
         else:
             say(aligned((each.name, each.description) for each in known))
         return

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -163,6 +162,8 @@ def load_config(file: AnyPath | None = None, *, overrides: Sequence[str] = ()) -
     """
     tree: dict[str, Any] = {}
     if file is not None:
+        import tomllib  # here: the defaults need none
+
         try:
             tree = tomllib.loads(read_text(as_path(file)))
         except OSError as error:
@@ -193,6 +194,8 @@ def load_config(file: AnyPath | None = None, *, overrides: Sequence[str] = ()) -
 
 
 def _parse_value(text: str) -> object:
+    import tomllib
+
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):

@@ -10,8 +10,9 @@ import tomli_w
 from msgspec import to_builtins
 from msgspec.structs import FieldInfo
 
-from tablemap.config.section import LIMITS, Section, meant, settings_of
+from tablemap.config.section import LIMITS, Section, meant
 from tablemap.config.tree import Config
+from tablemap.structs import fields_of
 
 _WIDTH = 98  # columns of a comment
 
@@ -24,14 +25,14 @@ def dump_config(config: Config) -> str:
 def explain_config(config: Config) -> str:
     """Return the whole tree as TOML; comments say what each setting is, and its range."""
     parts = []
-    for name, field in settings_of(Config).items():
+    for name, field in fields_of(Config).items():
         value = getattr(config, name)
         if isinstance(value, Section):
             doc = inspect.cleandoc(type(value).__doc__ or "").partition("\n\n")[0]
             parts += [f"\n{_comment(doc)}[{name}]\n"]
             parts += [
                 _explained(key, part, getattr(value, key))
-                for key, part in settings_of(type(value)).items()
+                for key, part in fields_of(type(value)).items()
             ]
         else:
             parts.append(_explained(name, field, value))

@@ -6,16 +6,15 @@ takes less time to read: modules of settings do without ``from __future__ import
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Mapping
-from functools import cache
+from collections.abc import Iterator, Mapping
 from typing import Any, Self, TypeGuard, cast, get_args, get_origin
 
 from msgspec import Meta, Struct, StructMeta, ValidationError, convert
-from msgspec.structs import FieldInfo, fields, force_setattr
+from msgspec.structs import FieldInfo, force_setattr
 
 from tablemap.errors import ConfigError
 from tablemap.schemas import choices
+from tablemap.structs import checked, fields_of
 
 LIMITS = {
     "gt": (">", "greater than"),
@@ -38,7 +37,7 @@ class _Groups(StructMeta):
 
     def __call__(self, *values: Any, **given: Any) -> Any:
         group = cast("type[Section]", self)
-        for name in given.keys() - settings_of(group).keys():
+        for name in given.keys() - set(group.__struct_fields__):
             raise _unknown(group, name, given[name], prefix="")
         return super().__call__(*values, **given)
 
@@ -50,32 +49,31 @@ class Section(Struct, frozen=True, forbid_unknown_fields=True, metaclass=_Groups
     """
 
     def __post_init__(self) -> None:
-        """Check every setting."""
-        for name, field in settings_of(type(self)).items():
+        """Check every setting that is not the default."""
+        for name, default in _defaults(type(self)):
             given = getattr(self, name)
-            if given is not field.default:
-                force_setattr(self, name, _checked(given, field, name))
+            if given is not default:
+                force_setattr(self, name, _checked(given, fields_of(type(self))[name], name))
 
     @classmethod
     def read(cls, tree: Mapping[str, Any], *, prefix: str = "") -> Self:
         """Return the group with the settings in a tree; ``prefix`` is the group's own name."""
-        known = settings_of(cls)
+        defaults = dict(_defaults(cls))
         given: dict[str, Any] = {}
         for key, value in tree.items():
-            if key not in known:
+            if key not in defaults:
                 raise _unknown(cls, key, value, prefix=prefix)
-            kind, name = known[key].type, f"{prefix}{key}"
-            if is_section(kind) and isinstance(value, Mapping):
-                given[key] = kind.read(value, prefix=f"{name}.")
-            else:
-                given[key] = _checked(value, known[key], name)
+            default, name = defaults[key], f"{prefix}{key}"
+            if isinstance(default, Section) and isinstance(value, Mapping):
+                given[key] = type(default).read(value, prefix=f"{name}.")
+            elif type(value) is not type(default) or value != default:
+                given[key] = _checked(value, fields_of(cls)[key], name)
         return cls(**given)
 
 
-@cache
-def settings_of(section: type[Section]) -> dict[str, FieldInfo]:
-    """Return the settings of a group, and the groups in it, by name."""
-    return {field.name: field for field in fields(section)}
+def _defaults(section: type[Section]) -> Iterator[tuple[str, Any]]:
+    """Yield each setting's name and default; every setting has one."""
+    return zip(section.__struct_fields__, section.__struct_defaults__, strict=True)
 
 
 def is_section(kind: object) -> TypeGuard[type[Section]]:
@@ -92,9 +90,7 @@ def _checked(value: object, field: FieldInfo, name: str) -> object:
     """Return the value of a setting as its type has it; numbers may be given as text."""
     kind, reason = field.type, ""
     try:
-        if not is_section(kind) and (extra := meant(field).extra):
-            value = extra["read"](value)
-        return convert(value, kind, strict=False)
+        return checked(value, kind, strict=False)
     except ValidationError:
         reason = f"input should be {_expected(value, kind)}"
     except ValueError as error:
@@ -121,7 +117,9 @@ def _expected(value: object, kind: Any) -> str:
 
 def _unknown(section: type[Section], key: str, value: object, *, prefix: str) -> ConfigError:
     """Return the error about a name that is no setting's; it has the nearest one."""
-    known = settings_of(section)
+    import difflib
+
+    known = fields_of(section)
     names = list(known)
     if isinstance(value, Mapping):  # a section was meant
         names = [name for name in names if is_section(known[name].type)] or names

@@ -6,7 +6,8 @@ from msgspec import Meta
 from msgspec.structs import replace
 
 from tablemap.config.cameras import CAMERAS, DepthCamera
-from tablemap.config.section import Section, settings_of
+from tablemap.config.section import Section
+from tablemap.structs import fields_of
 
 
 class SensorsConfig(Section, frozen=True):
@@ -425,7 +426,7 @@ class SensorsConfig(Section, frozen=True):
         its default stays.
         """
         camera = self.depth_camera or seen
-        known = settings_of(type(self))
+        known = fields_of(type(self))
         taken = {
             name: value
             for name, value in (CAMERAS[camera] if camera else {}).items()

@@ -16,13 +16,14 @@ from tablemap.config.outline import OutlineConfig
 from tablemap.config.registration import RegistrationConfig
 from tablemap.config.report import ReportConfig
 from tablemap.config.review import ReviewConfig
-from tablemap.config.section import Section, is_section, settings_of
+from tablemap.config.section import Section, is_section
 from tablemap.config.segmentation import SegmentationConfig
 from tablemap.config.sensors import SensorsConfig
 from tablemap.config.snapshots import SnapshotsConfig
 from tablemap.config.surface import SurfaceConfig
 from tablemap.config.topics import TopicsConfig
 from tablemap.errors import ConfigError
+from tablemap.structs import fields_of
 
 Method = Literal["tablemap", "report"]
 """The method: tablemap's own, or that of the bachelor report, as the baseline."""
@@ -92,9 +93,9 @@ class Config(Section, frozen=True):
 def setting_names() -> list[str]:
     """Return the dotted name of every setting, in the order of the tree."""
     names = []
-    for name, field in settings_of(Config).items():
+    for name, field in fields_of(Config).items():
         if is_section(field.type):
-            names += [f"{name}.{key}" for key in settings_of(field.type)]
+            names += [f"{name}.{key}" for key in fields_of(field.type)]
         else:
             names.append(name)
     return names

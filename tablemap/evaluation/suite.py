@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
-from pydantic import TypeAdapter
+import msgspec
 
 from tablemap.config import Config, dump_config
 from tablemap.errors import TablemapError
@@ -29,7 +29,6 @@ from tablemap.version import __version__
 from tablemap.words import known_name
 
 METHODS = ("tablemap", "report")
-_RUN_SCORE = TypeAdapter(RunScore)
 
 
 @dataclass(frozen=True)
@@ -228,15 +227,15 @@ def _file(store: Path, case: Case, method: str) -> Path:
 
 
 def _save(file: Path, key: str, run: RunScore) -> None:
-    document = {"key": key, "run": _RUN_SCORE.dump_python(run, mode="json")}
+    document = {"key": key, "run": msgspec.to_builtins(run, enc_hook=float)}
     write_whole(file, json.dumps(document, indent=1))
 
 
 def _load(file: Path, key: str) -> RunScore | None:
     try:
         document = json.loads(read_text(file))
-        return _RUN_SCORE.validate_python(document["run"]) if document["key"] == key else None
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return msgspec.convert(document["run"], RunScore) if document["key"] == key else None
+    except (OSError, ValueError, KeyError, TypeError, RecursionError, msgspec.ValidationError):
         return None
 
 

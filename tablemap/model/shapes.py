@@ -7,15 +7,10 @@ it also needs its outline in `tablemap.simulation.shapes`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
 
 from tablemap.errors import TablemapError
-
-if TYPE_CHECKING:
-    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
-    from pydantic_core import CoreSchema
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,39 +163,3 @@ def shape_named(name: str) -> ShapeRecord:
 def is_angle(name: str) -> bool:
     """Say whether a dimension of this name is an angle; all others are lengths."""
     return any(name == record.angle for record in SHAPES.values())
-
-
-class NameOf:
-    """Limits a field of a document to the names of the shapes for which ``meant`` is true."""
-
-    def __init__(self, meant: Callable[[ShapeRecord], bool]) -> None:
-        self._meant = meant
-
-    def __get_pydantic_core_schema__(
-        self, source: type[str], handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        from pydantic_core import core_schema
-
-        return core_schema.no_info_after_validator_function(self._checked, handler(source))
-
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, object]:
-        return {"enum": self._names(), "type": "string"}
-
-    def _names(self) -> list[str]:
-        return [record.name for record in SHAPES.values() if self._meant(record)]
-
-    def _checked(self, name: str) -> str:
-        if name not in self._names():
-            from pydantic_core import PydanticCustomError
-
-            known = {"known": ", ".join(self._names()), "name": name}
-            raise PydanticCustomError("shape", "expected one of {known}; found '{name}'", known)
-        return name
-
-
-ShapeName = Annotated[str, NameOf(lambda record: True)]
-"""The name of any shape."""
-SectionName = Annotated[str, NameOf(lambda record: record.is_section)]
-"""The name of a leg's cross-section."""

@@ -270,7 +270,7 @@ class _Running:
                 folder.finish(status, error=error)
 
     def _note(self, folder: RunFolder, digest: str | None) -> None:
-        entry = folder.manifest.recording.model_copy(update={"sha256": digest})
+        entry = replace(folder.manifest.recording, sha256=digest)
         folder.update(recording=entry, timings=self._seconds)
 
     def _observe(self, event: object) -> None:

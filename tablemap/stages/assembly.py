@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -151,15 +152,16 @@ def _surface(surface: Surface) -> m.TableSurface:
             sigma=surface.height.sigma,
             budget=surface.height.budget,
         ),
-        thickness=surface.thickness
-        and m.Figure(value=surface.thickness.value, sigma=surface.thickness.sigma),
+        thickness=None
+        if surface.thickness is None
+        else m.Figure(value=surface.thickness.value, sigma=surface.thickness.sigma),
         dimensions={name: _dimension(figure) for name, figure in surface.dimensions.items()},
-        corner_radius=surface.corner_radius and _dimension(surface.corner_radius),
+        corner_radius=None if surface.corner_radius is None else _dimension(surface.corner_radius),
         outline=_points(surface.outline),
         edges=tuple(
             m.Edge(
                 points=_points(edge.points),
-                status=edge.status,
+                status=cast(m.Status, edge.status),
                 sigma=edge.sigma,
                 seen_fraction=edge.seen_fraction,
             )
@@ -181,7 +183,10 @@ def _points(places: Floats) -> tuple[m.Point, ...]:
 
 def _dimension(figure: FittedFigure) -> m.Dimension:
     return m.Dimension(
-        value=figure.value, sigma=figure.sigma, status=figure.status, budget=figure.budget
+        value=figure.value,
+        sigma=figure.sigma,
+        status=cast(m.Status, figure.status),
+        budget=figure.budget,
     )
 
 

@@ -6,6 +6,7 @@ import math
 from xml.etree import ElementTree
 
 import pytest
+from msgspec import structs
 
 from tablemap.archive.comparison import Comparison, Difference, compare
 from tablemap.archive.drawing import draw_both
@@ -66,7 +67,7 @@ def test_yaws_differ_by_less_than_either_shape_can_tell(
 ) -> None:
     """A yaw just above nought and one just below the period are neighbours."""
     models = [
-        model.model_copy(update={"surface": model.surface.model_copy(update={"shape": shape})})
+        structs.replace(model, surface=structs.replace(model.surface, shape=shape))
         for model, shape in zip(
             (rectangle_model(yaw=0.01), rectangle_model(yaw=period - 0.01)), shapes, strict=True
         )
@@ -77,9 +78,7 @@ def test_yaws_differ_by_less_than_either_shape_can_tell(
 def test_a_circle_s_yaw_is_not_compared() -> None:
     """It has none, whatever the other has."""
     model = rectangle_model()
-    round_ = model.model_copy(
-        update={"surface": model.surface.model_copy(update={"shape": "circle"})}
-    )
+    round_ = structs.replace(model, surface=structs.replace(model.surface, shape="circle"))
     assert "yaw" not in {each.name for each in compare(model, round_).figures}
 
 
@@ -93,8 +92,8 @@ def test_a_lost_leg_pairs_no_other() -> None:
 def test_no_sigma_no_count() -> None:
     """A figure without a covariance behind it is compared without one."""
     bare = rectangle_model()
-    height = bare.surface.height.model_copy(update={"sigma": None})
-    bare = bare.model_copy(update={"surface": bare.surface.model_copy(update={"height": height})})
+    height = structs.replace(bare.surface.height, sigma=None)
+    bare = structs.replace(bare, surface=structs.replace(bare.surface, height=height))
     found = named(compare(rectangle_model(height=0.7), bare), "height")
     assert found.difference == pytest.approx(0.043)
     assert found.sigmas is None
@@ -102,7 +101,7 @@ def test_no_sigma_no_count() -> None:
 
 def test_tables_of_two_frames_are_compared_without_their_place() -> None:
     """Nobody knows how the frames lie."""
-    other = rectangle_model().model_copy(update={"frame": "odom"})
+    other = structs.replace(rectangle_model(), frame="odom")
     found = compare(rectangle_model(), other)
     assert (found.overlap, found.farthest) == (None, None)
     assert "x" not in {each.name for each in found.figures}

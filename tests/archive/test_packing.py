@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 import zstandard
+from msgspec import structs
 
 from tablemap.archive import RunFolder, load_run
 from tablemap.archive.index import list_runs
@@ -136,13 +137,11 @@ def test_a_file_that_no_hash_confirms_is_not_packed(
     """A run from elsewhere may name any file of this machine."""
     secret = tmp_path / "secret.txt"
     secret.write_text("secret\n")
-    entry = run.manifest.recording.model_copy(
-        update={"path": str(secret), "size": size, "sha256": None}
-    )
+    entry = structs.replace(run.manifest.recording, path=str(secret), size=size, sha256=None)
     run.update(recording=entry)
     with pytest.raises(RecordingError, match=r"no SHA-256.*secret\.txt"):
         pack(run.path, tmp_path / "a.tar.zst", with_input=True)
-    run.update(recording=entry.model_copy(update={"sha256": "0" * 64}))
+    run.update(recording=structs.replace(entry, sha256="0" * 64))
     with pytest.raises(RecordingError, match=r"is another one: .*secret\.txt"):
         pack(run.path, tmp_path / "a.tar.zst", with_input=True)
     assert not (tmp_path / "a.tar.zst").exists()
@@ -371,7 +370,7 @@ def many(tmp_path: Path) -> Path:
         started = f"2026-05-{name[-2:]}T00:00:00+00:00"
         writer = Writer.this()
         if name == "lab/04":
-            writer = writer.model_copy(update={"began": 1})
+            writer = structs.replace(writer, began=1)
         make_run(folder, name, model, status=status, started=started, writer=writer)  # type: ignore[arg-type]
     return folder
 

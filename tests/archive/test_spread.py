@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
+from msgspec import structs
 
 from tablemap.archive.spread import FigureSpread, spread
 from tablemap.errors import TablemapError
@@ -44,8 +45,8 @@ def test_yaws_on_both_sides_of_the_wrap_are_neighbours() -> None:
 def test_a_figure_that_one_lacks_is_that_of_the_others() -> None:
     """The one without it is said, and no outlier."""
     bare = rectangle_model()
-    surface = bare.surface.model_copy(update={"shape": "mesh", "dimensions": {}})
-    models = [rectangle_model(), bare.model_copy(update={"surface": surface}), rectangle_model()]
+    surface = structs.replace(bare.surface, shape="mesh", dimensions={})
+    models = [rectangle_model(), structs.replace(bare, surface=surface), rectangle_model()]
     found = named(models, "length")
     assert found.values == (1.187, None, 1.187)
     assert (found.median, found.outliers) == (1.187, ())
@@ -53,7 +54,7 @@ def test_a_figure_that_one_lacks_is_that_of_the_others() -> None:
 
 def test_places_in_several_frames_are_not_compared() -> None:
     """Nobody knows how the frames lie."""
-    other = rectangle_model().model_copy(update={"frame": "odom"})
+    other = structs.replace(rectangle_model(), frame="odom")
     found = spread([rectangle_model(), other, rectangle_model()])
     assert {"x", "y", "yaw"}.isdisjoint(each.name for each in found.figures)
     assert ("frame", ("map", "odom", "map")) in found.words

@@ -24,7 +24,7 @@ from tests.making.run_folders import make_run
 from tests.making.spent import Moment, Spent, least, moments, spend
 
 LIBRARIES = (
-    "import numpy, scipy.ndimage, scipy.spatial, shapely, pydantic, rosbags.typesys, mcap, rerun;"
+    "import numpy, scipy.ndimage, scipy.spatial, shapely, msgspec, rosbags.typesys, mcap, rerun;"
     "from kiss_icp.kiss_icp import KissICP; from tablemap import imports; imports.open3d()"
 )
 MINUTES = (3, 5, 30)

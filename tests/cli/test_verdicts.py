@@ -7,6 +7,7 @@ import weakref
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 
 from tablemap import model as m
 from tablemap.cli.printing import Ends, exit_code
@@ -25,11 +26,10 @@ DOUBT = m.WarningEntry(
 NOTE = m.WarningEntry(
     code="legs.inferred", stage="legs", message="One leg was placed by symmetry.", stamp_ns=None
 )
-DOUBTFUL = rectangle_model().model_copy(
-    update={
-        "warnings": (NOTE, DOUBT),
-        "verdict": m.Verdict(level="doubtful", reasons=(DOUBT.message,)),
-    }
+DOUBTFUL = structs.replace(
+    rectangle_model(),
+    warnings=(NOTE, DOUBT),
+    verdict=m.Verdict(level="doubtful", reasons=(DOUBT.message,)),
 )
 
 

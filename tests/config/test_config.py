@@ -14,13 +14,14 @@ from msgspec.structs import FieldInfo
 import tablemap
 from tablemap.config import Config, Tables, dump_config, load_config
 from tablemap.config.loading import REMOVED, RENAMED
-from tablemap.config.section import Section, is_section, meant, settings_of
+from tablemap.config.section import Section, is_section, meant
 from tablemap.errors import ConfigError
+from tablemap.structs import fields_of
 
 
 def settings(section: type[Section], prefix: str = "") -> Iterator[tuple[str, FieldInfo]]:
     """Yield all settings with their dotted names."""
-    for name, field in settings_of(section).items():
+    for name, field in fields_of(section).items():
         if is_section(field.type):
             yield from settings(field.type, f"{prefix}{name}.")
         else:
@@ -138,14 +139,14 @@ def test_a_setting_that_became_a_constant_says_where() -> None:
     assert str(caught.value) == f"crosscheck.reach is a constant now: {place}."
 
 
-SECTIONS = [name for name, field in settings_of(Config).items() if is_section(field.type)]
+SECTIONS = [name for name, field in fields_of(Config).items() if is_section(field.type)]
 
 
 @pytest.mark.parametrize("section", SECTIONS)
 def test_a_section_is_frozen_and_closed(section: str) -> None:
     """What decides a run's result does not change under it, nor is a wrong name passed over."""
     settings = getattr(Config(), section)
-    name = next(iter(settings_of(type(settings))))
+    name = next(iter(fields_of(type(settings))))
     with pytest.raises(AttributeError, match="immutable"):
         setattr(settings, name, getattr(settings, name))
     with pytest.raises(ConfigError, match=r"no setting '.*nonsense'"):

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from tablemap import model as m
 from tablemap.evaluation.aggregate import RunScore, summarise
@@ -26,11 +27,11 @@ from tests.making.models import rectangle_model
 def truth_of(model: m.TableModel, **sensor: float) -> Truth:
     """Return the truth that a model is exactly right about."""
     surface = model.surface
-    return Truth.model_validate(
+    return Truth.read(
         {
             "surface": {
                 "shape": surface.shape,
-                "pose": surface.pose.model_dump(),
+                "pose": surface.pose.fields(),
                 "height": surface.height.value,
                 "dimensions": {name: d.value for name, d in surface.dimensions.items()},
                 "outline": surface.outline,
@@ -45,7 +46,8 @@ def truth_of(model: m.TableModel, **sensor: float) -> Truth:
                 for leg in model.legs
             ],
             "snapshots": [
-                s.model_dump(include={"stamp_ns", "map_from_base"}) for s in model.snapshots
+                {"stamp_ns": s.stamp_ns, "map_from_base": s.map_from_base.fields()}
+                for s in model.snapshots
             ],
             "sensor": sensor or None,
         }
@@ -55,27 +57,25 @@ def truth_of(model: m.TableModel, **sensor: float) -> Truth:
 def moved(model: m.TableModel, motion: Pose2) -> m.TableModel:
     """Move everything that a model says by one motion of the map."""
     pose = motion @ Pose2(model.surface.pose.x, model.surface.pose.y, model.surface.pose.yaw)
-    place = model.surface.pose.model_copy(update={"x": pose.x, "y": pose.y, "yaw": pose.yaw})
+    place = structs.replace(model.surface.pose, x=pose.x, y=pose.y, yaw=pose.yaw)
     outline = tuple((float(x), float(y)) for x, y in motion.apply(model.surface.outline))
     legs = []
     for leg in model.legs:
         x, y = motion.apply([leg.x, leg.y])
-        legs.append(leg.model_copy(update={"x": float(x), "y": float(y)}))
+        legs.append(structs.replace(leg, x=float(x), y=float(y)))
     snapshots = []
     for snapshot in model.snapshots:
         at = snapshot.map_from_base
         p = motion @ Pose2(at.x, at.y, at.yaw)
         there = m.PlanarPose(x=p.x, y=p.y, yaw=p.yaw)
-        snapshots.append(snapshot.model_copy(update={"map_from_base": there}))
-    surface = model.surface.model_copy(update={"pose": place, "outline": outline})
-    return model.model_copy(
-        update={"surface": surface, "legs": tuple(legs), "snapshots": tuple(snapshots)}
-    )
+        snapshots.append(structs.replace(snapshot, map_from_base=there))
+    surface = structs.replace(model.surface, pose=place, outline=outline)
+    return structs.replace(model, surface=surface, legs=tuple(legs), snapshots=tuple(snapshots))
 
 
 def with_surface(model: m.TableModel, **changes: object) -> m.TableModel:
     """Return a model with another surface."""
-    return model.model_copy(update={"surface": model.surface.model_copy(update=changes)})
+    return structs.replace(model, surface=structs.replace(model.surface, **changes))
 
 
 def run_of(result: Score, method: str = "tablemap") -> RunScore:
@@ -120,8 +120,8 @@ def test_one_snapshot_3_mm_off_shows_as_such() -> None:
     snapshots = list(model.snapshots)
     at = snapshots[2].map_from_base
     shifted = m.PlanarPose(x=at.x + 0.003, y=at.y, yaw=at.yaw)
-    snapshots[2] = snapshots[2].model_copy(update={"map_from_base": shifted})
-    result = score(model.model_copy(update={"snapshots": tuple(snapshots)}), truth_of(model))
+    snapshots[2] = structs.replace(snapshots[2], map_from_base=shifted)
+    result = score(structs.replace(model, snapshots=tuple(snapshots)), truth_of(model))
     assert 0.0015 < max(pose.error for pose in result.poses) < 0.003
 
 
@@ -161,7 +161,7 @@ def test_a_mirrored_parallelogram_is_not_right() -> None:
         "angle": m.Dimension(value=np.radians(80), sigma=0.001, status="measured"),
     }
     model = with_surface(rectangle_model(), shape="parallelogram", dimensions=figures)
-    mirrored = {**figures, "angle": figures["angle"].model_copy(update={"value": np.radians(100)})}
+    mirrored = {**figures, "angle": structs.replace(figures["angle"], value=np.radians(100))}
     result = score(with_surface(model, dimensions=mirrored), truth_of(model))
     assert np.degrees(result.angle.error) == pytest.approx(20)
     assert result.dimensions[0].error == pytest.approx(0)
@@ -190,14 +190,14 @@ def test_the_thickness_is_compared_where_both_know_it() -> None:
     """A top that is 4 mm too thick at a sigma of 1 mm is off, and lies outside its interval."""
     model = rectangle_model()
     truth = truth_of(model)
-    slab = truth.surface.model_copy(update={"thickness": 0.025})
+    slab = structs.replace(truth.surface, thickness=0.025)
     thick = with_surface(model, thickness=m.Figure(value=0.029, sigma=0.001))
-    error = score(thick, truth.model_copy(update={"surface": slab})).thickness
+    error = score(thick, structs.replace(truth, surface=slab)).thickness
     assert error is not None
     assert error.error == pytest.approx(0.004)
     assert error.covered is False
     assert score(thick, truth).thickness is None
-    assert score(model, truth.model_copy(update={"surface": slab})).thickness is None
+    assert score(model, structs.replace(truth, surface=slab)).thickness is None
 
 
 def test_the_place_in_the_map_keeps_the_localisation_s_offset() -> None:
@@ -217,8 +217,8 @@ def test_legs_are_found_missed_and_invented() -> None:
     """Three found of four, and one that stands nowhere near any."""
     truth = truth_of(rectangle_model())
     model = rectangle_model(legs=3)
-    stray = model.legs[0].model_copy(update={"x": model.surface.pose.x, "y": model.surface.pose.y})
-    result = score(model.model_copy(update={"legs": (*model.legs, stray)}), truth)
+    stray = structs.replace(model.legs[0], x=model.surface.pose.x, y=model.surface.pose.y)
+    result = score(structs.replace(model, legs=(*model.legs, stray)), truth)
     assert (result.legs.found, result.legs.missed, result.legs.invented) == (3, 1, 1)
     assert max(place.error for place in result.legs.places) < 5e-6
 
@@ -231,10 +231,10 @@ def test_legs_are_measured_in_the_top_s_own_frame() -> None:
     about = Pose2(place.x, place.y, 0.0)
     motion = about @ Pose2(0.0, 0.0, np.radians(0.5)) @ about.inverse()
     snapshots = moved(model, motion).snapshots
-    result = score(model.model_copy(update={"snapshots": snapshots}), truth)
+    result = score(structs.replace(model, snapshots=snapshots), truth)
     assert np.degrees(max(result.headings)) < 1e-3
     assert max(place.error for place in result.legs.places) < 5e-6
-    turned = with_surface(model, pose=place.model_copy(update={"yaw": place.yaw + 0.01}))
+    turned = with_surface(model, pose=structs.replace(place, yaw=place.yaw + 0.01))
     apart = [np.hypot(leg.x - place.x, leg.y - place.y) for leg in model.legs]
     worst = max(place.error for place in score(turned, truth).legs.places)
     assert worst == pytest.approx(0.01 * max(apart), rel=0.01)
@@ -265,16 +265,16 @@ def test_silence_is_a_failure_only_when_nothing_admits_the_error() -> None:
     assert score(wrong, truth).silent_failure
     assert not score(rectangle_model(length=1.187 + 0.03, sigma=0.02), truth).silent_failure
     doubt = m.WarningEntry(code="accuracy.few_views", stage="surface", message="", stamp_ns=None)
-    assert not score(wrong.model_copy(update={"warnings": (doubt,)}), truth).silent_failure
+    assert not score(structs.replace(wrong, warnings=(doubt,)), truth).silent_failure
 
 
 def test_a_warning_about_a_right_model_is_a_false_alarm() -> None:
     """Unless a figure is more than 8 mm off."""
     truth = truth_of(rectangle_model())
     doubt = m.WarningEntry(code="accuracy.few_views", stage="surface", message="", stamp_ns=None)
-    good = rectangle_model().model_copy(update={"warnings": (doubt,)})
+    good = structs.replace(rectangle_model(), warnings=(doubt,))
     assert score(good, truth).false_alarm
-    off = rectangle_model(length=1.187 + 0.009).model_copy(update={"warnings": (doubt,)})
+    off = structs.replace(rectangle_model(length=1.187 + 0.009), warnings=(doubt,))
     assert not score(off, truth).false_alarm
 
 
@@ -308,8 +308,8 @@ def test_an_unknown_truth_leaves_the_figure_open() -> None:
     """What is null is not scored."""
     model = rectangle_model()
     truth = truth_of(model)
-    surface = truth.surface.model_copy(update={"pose": None, "outline": None, "height": None})
-    part = truth.model_copy(update={"surface": surface, "legs": None, "snapshots": None})
+    surface = structs.replace(truth.surface, pose=None, outline=None, height=None)
+    part = structs.replace(truth, surface=surface, legs=None, snapshots=None)
     result = score(model, part)
     assert (result.height, result.outline, result.iou, result.legs, result.poses) == (
         None,
@@ -344,10 +344,10 @@ def seeing(model: m.TableModel, shares: list[float | None]) -> Truth:
     truth = truth_of(model)
     assert truth.snapshots
     snapshots = tuple(
-        known.model_copy(update={"sees_top": share, "rest": i})
+        structs.replace(known, sees_top=share, rest=i)
         for i, (known, share) in enumerate(zip(truth.snapshots, shares, strict=True))
     )
-    return truth.model_copy(update={"snapshots": snapshots})
+    return structs.replace(truth, snapshots=snapshots)
 
 
 @pytest.mark.parametrize(
@@ -405,8 +405,8 @@ def test_views_count_where_they_truly_see_the_top() -> None:
     """Five of six see it; of those one was not used, and that the sixth was used is no merit."""
     model = rectangle_model()
     snapshots = list(model.snapshots)
-    snapshots[1] = snapshots[1].model_copy(update={"used": False, "reason": "no surface"})
-    model = model.model_copy(update={"snapshots": tuple(snapshots)})
+    snapshots[1] = structs.replace(snapshots[1], used=False, reason="no surface")
+    model = structs.replace(model, snapshots=tuple(snapshots))
     result = score(model, seeing(model, [0.9, 0.8, 0.1, 0.3, 1.0, 0.02]))
     assert result.views == ViewScore(5, 4)
     figures = summarise([run_of(result), run_of(result)])
@@ -419,9 +419,9 @@ def test_a_view_that_the_model_does_not_list_is_lost_too() -> None:
     model = rectangle_model()
     truth = seeing(model, [0.9] * 6)
     assert truth.snapshots
-    again = truth.snapshots[0].model_copy(update={"stamp_ns": truth.snapshots[0].stamp_ns + 10**8})
-    truth = truth.model_copy(update={"snapshots": (*truth.snapshots, again)})
-    cut = model.model_copy(update={"snapshots": model.snapshots[2:]})
+    again = structs.replace(truth.snapshots[0], stamp_ns=truth.snapshots[0].stamp_ns + 10**8)
+    truth = structs.replace(truth, snapshots=(*truth.snapshots, again))
+    cut = structs.replace(model, snapshots=model.snapshots[2:])
     assert score(model, truth).views == ViewScore(6, 6)
     assert score(cut, truth).views == ViewScore(6, 4)
 

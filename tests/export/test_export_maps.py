@@ -11,6 +11,7 @@ import pytest
 import shapely
 import svg.path
 import yaml
+from msgspec import structs
 from PIL import Image
 
 from tablemap.config import ExportConfig
@@ -74,8 +75,8 @@ def test_a_leg_that_stands_out_is_kept_clear_too(tmp_path: Path) -> None:
     """Top and legs, not the top alone."""
     model = MODELS["circle"]
     x, y = model.surface.pose.x + 0.44, model.surface.pose.y
-    leg = model.legs[0].model_copy(update={"x": x, "y": y})
-    export_model(model.model_copy(update={"legs": (leg,)}), ["nav2"], output=tmp_path)
+    leg = structs.replace(model.legs[0], x=x, y=y)
+    export_model(structs.replace(model, legs=(leg,)), ["nav2"], output=tmp_path)
     outline = yaml.safe_load((tmp_path / "nav2" / "table.polygon.yaml").read_text())
     (ring,) = outline["polygons"]
     assert np.array(ring)[:, 0].max() == pytest.approx(x + 0.155, abs=1e-4)
@@ -126,9 +127,9 @@ def test_svg_is_to_scale(shape: str, tmp_path: Path) -> None:
 def test_svg_tells_what_was_measured(tmp_path: Path) -> None:
     """Sides that were not seen are dotted."""
     model = MODELS["rectangle"]
-    edges = (model.surface.edges[0].model_copy(update={"status": "unseen"}),)
-    surface = model.surface.model_copy(update={"edges": edges + model.surface.edges[1:]})
-    export_model(model.model_copy(update={"surface": surface}), ["svg"], output=tmp_path)
+    edges = (structs.replace(model.surface.edges[0], status="unseen"),)
+    surface = structs.replace(model.surface, edges=edges + model.surface.edges[1:])
+    export_model(structs.replace(model, surface=surface), ["svg"], output=tmp_path)
     root = ElementTree.parse(tmp_path / "svg" / "table.svg").getroot()
     sides = root.findall("{http://www.w3.org/2000/svg}polyline")
     dashes = [side.attrib["stroke-dasharray"] for side in sides]
@@ -138,7 +139,7 @@ def test_svg_tells_what_was_measured(tmp_path: Path) -> None:
 def test_a_leg_apart_from_the_top_has_a_polygon_of_its_own(tmp_path: Path) -> None:
     """As one that the top does not reach over."""
     model = MODELS["circle"]
-    leg = model.legs[0].model_copy(update={"x": model.surface.pose.x + 1.0})
-    export_model(model.model_copy(update={"legs": (leg,)}), ["nav2"], output=tmp_path)
+    leg = structs.replace(model.legs[0], x=model.surface.pose.x + 1.0)
+    export_model(structs.replace(model, legs=(leg,)), ["nav2"], output=tmp_path)
     outline = yaml.safe_load((tmp_path / "nav2" / "table.polygon.yaml").read_text())
     assert len(outline["polygons"]) == 2

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from msgspec import structs
 from PIL import Image
 
 from tablemap import model as m
@@ -34,7 +35,7 @@ def run(tmp_path: Path) -> RunFolder:
 
 
 def _changed(model: m.TableModel, **surface: object) -> m.TableModel:
-    return model.model_copy(update={"surface": model.surface.model_copy(update=surface)})
+    return structs.replace(model, surface=structs.replace(model.surface, **surface))
 
 
 def test_every_format_repeats_byte_for_byte(tmp_path: Path) -> None:
@@ -60,9 +61,9 @@ def test_an_unknown_thickness_is_configured_and_warned_of(tmp_path: Path) -> Non
 def test_what_doubts_the_figures_is_warned_of(tmp_path: Path) -> None:
     """A bound, a doubtful verdict, an outline that crosses itself, a top on no legs."""
     model = MODELS["rectangle"]
-    length = model.surface.dimensions["length"].model_copy(update={"status": "unseen"})
+    length = structs.replace(model.surface.dimensions["length"], status="unseen")
     unseen = _changed(model, dimensions={**model.surface.dimensions, "length": length})
-    doubtful = model.model_copy(update={"verdict": m.Verdict(level="doubtful", reasons=("why",))})
+    doubtful = structs.replace(model, verdict=m.Verdict(level="doubtful", reasons=("why",)))
     bow = ((0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.4))
     crossed = _changed(model, shape="mesh", dimensions={}, outline=bow)
     codes = []
@@ -96,8 +97,8 @@ def test_a_model_that_encloses_nothing_is_refused(
 def test_a_leg_without_its_size_is_refused(tmp_path: Path) -> None:
     """In one sentence that says which, and nothing is written."""
     model = MODELS["rectangle"]
-    first = model.legs[0].model_copy(update={"dimensions": {}})
-    model = model.model_copy(update={"legs": (first, *model.legs[1:])})
+    first = structs.replace(model.legs[0], dimensions={})
+    model = structs.replace(model, legs=(first, *model.legs[1:]))
     with pytest.raises(TablemapError, match="leg 1, found no size"):
         export_model(model, ["glb"], output=tmp_path)
     assert list(tmp_path.iterdir()) == []

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import shapely
 import trimesh
+from msgspec import structs
 from shapely import affinity
 
 from tablemap import model as m
@@ -119,26 +120,25 @@ def _model(
     placed = in_map(shapely.Polygon(local))
     outline = tuple((float(x), float(y)) for x, y in placed.exterior.coords[:-1])
     count = len(outline)
-    surface = base.surface.model_copy(
-        update={
-            "shape": shape,
-            "outline": outline,
-            "thickness": None if thickness is None else m.Figure(value=thickness, sigma=0.001),
-            "dimensions": {name: _measured(value) for name, value in sizes.items()},
-            "corner_radius": None if corner_radius is None else _measured(corner_radius),
-            "edges": tuple(
-                m.Edge(
-                    points=(outline[i], outline[(i + 1) % count]),
-                    status="measured",
-                    sigma=0.001,
-                    seen_fraction=0.9,
-                )
-                for i in range(count)
-            ),
-        }
+    surface = structs.replace(
+        base.surface,
+        shape=shape,
+        outline=outline,
+        thickness=None if thickness is None else m.Figure(value=thickness, sigma=0.001),
+        dimensions={name: _measured(value) for name, value in sizes.items()},
+        corner_radius=None if corner_radius is None else _measured(corner_radius),
+        edges=tuple(
+            m.Edge(
+                points=(outline[i], outline[(i + 1) % count]),
+                status="measured",
+                sigma=0.001,
+                seen_fraction=0.9,
+            )
+            for i in range(count)
+        ),
     )
     kept = base.legs if legs is None else legs
-    return base.model_copy(update={"surface": surface, "legs": kept, "floor_z": floor_z})
+    return structs.replace(base, surface=surface, legs=kept, floor_z=floor_z)
 
 
 def _measured(value: float) -> m.Dimension:

@@ -7,6 +7,7 @@ from dataclasses import MISSING, fields, replace
 from typing import Any, TypeVar, get_origin, get_type_hints
 
 import numpy as np
+from msgspec import structs
 from numpy.typing import ArrayLike, NDArray
 
 from tablemap import model as m
@@ -672,40 +673,39 @@ def table_model(recording: MadeUpRecording, poses: tuple[Pose2, ...]) -> m.Table
     )
     statuses = ("measured", "measured", "inferred", "unseen")
     edges = tuple(
-        edge.model_copy(update={"status": status, "sigma": None if status == "unseen" else 0.001})
+        structs.replace(edge, status=status, sigma=None if status == "unseen" else 0.001)
         for edge, status in zip(model.surface.edges, statuses, strict=True)
     )
     width = m.Dimension(value=WIDTH, sigma=0.0015, status="inferred")
     dimensions = {**model.surface.dimensions, "width": width}
-    return model.model_copy(
-        update={
-            "surface": model.surface.model_copy(update={"edges": edges, "dimensions": dimensions}),
-            "snapshots": tuple(
-                m.SnapshotPose(
-                    stamp_ns=recording.stamp(i),
-                    map_from_base=m.PlanarPose(x=pose.x, y=pose.y, yaw=pose.yaw),
-                    sigma=m.PoseSigma(xy=0.001, yaw=0.001),
-                    used=i != 5,
-                    reason=None if i != 5 else "edges 31 mm apart",
-                )
-                for i, pose in enumerate(poses)
+    return structs.replace(
+        model,
+        surface=structs.replace(model.surface, edges=edges, dimensions=dimensions),
+        snapshots=tuple(
+            m.SnapshotPose(
+                stamp_ns=recording.stamp(i),
+                map_from_base=m.PlanarPose(x=pose.x, y=pose.y, yaw=pose.yaw),
+                sigma=m.PoseSigma(xy=0.001, yaw=0.001),
+                used=i != 5,
+                reason=None if i != 5 else "edges 31 mm apart",
+            )
+            for i, pose in enumerate(poses)
+        ),
+        verdict=m.Verdict(level="doubtful", reasons=("one side of the top was not seen",)),
+        warnings=(
+            m.WarningEntry(
+                code="recording.topic_choice",
+                stage="recording",
+                message="two depth topics",
+                stamp_ns=None,
             ),
-            "verdict": m.Verdict(level="doubtful", reasons=("one side of the top was not seen",)),
-            "warnings": (
-                m.WarningEntry(
-                    code="recording.topic_choice",
-                    stage="recording",
-                    message="two depth topics",
-                    stamp_ns=None,
-                ),
-                m.WarningEntry(
-                    code="recording.topic_choice",
-                    stage="registration",
-                    message="a made-up doubt",
-                    stamp_ns=recording.stamp(5),
-                ),
+            m.WarningEntry(
+                code="recording.topic_choice",
+                stage="registration",
+                message="a made-up doubt",
+                stamp_ns=recording.stamp(5),
             ),
-        }
+        ),
     )
 
 

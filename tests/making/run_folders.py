@@ -40,7 +40,6 @@ def make_run(
             path=str(recording), size=recording.stat().st_size, sha256=sha256(recording)
         )
     manifest = Manifest(
-        schema="tablemap/manifest/1",
         run_id=path.name,
         recording=entry,
         method="tablemap",

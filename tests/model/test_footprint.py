@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 import shapely
+from msgspec import structs
 
 from tablemap import model as m
 from tablemap.geometry import Pose2
@@ -43,14 +44,13 @@ def top_of(
         for k in range(count)
     ]
     template = rectangle_model().surface
-    return template.model_copy(
-        update={
-            "pose": m.SurfacePose(
-                x=pose.x, y=pose.y, yaw=pose.yaw, covariance=(rows[0], rows[1], rows[2])
-            ),
-            "outline": tuple(points),
-            "edges": tuple(edges),
-        }
+    return structs.replace(
+        template,
+        pose=m.SurfacePose(
+            x=pose.x, y=pose.y, yaw=pose.yaw, covariance=(rows[0], rows[1], rows[2])
+        ),
+        outline=tuple(points),
+        edges=tuple(edges),
     )
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+from msgspec import structs
 
 from tablemap.errors import TablemapError
-from tablemap.model import TableModel, json_schema
+from tablemap.model import Figure, TableModel, json_schema
 from tablemap.model.shapes import SHAPES
 from tests.making.models import rectangle_model
 
@@ -95,6 +97,43 @@ def test_what_is_no_model_is_refused_in_a_sentence(text: str, words: str) -> Non
     with pytest.raises(TablemapError, match=words) as caught:
         TableModel.from_json(text)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "where"),
+    [
+        (("floor_z",), "0", "floor_z"),
+        (("snapshots", 0, "used"), 1, r"snapshots\[0\]\.used"),
+        (("surface", "outline", 1), [0.0], r"surface\.outline\[1\]"),
+        (("surface", "edges", 0, "status"), "guessed", r"surface\.edges\[0\]\.status"),
+        (("surface", "pose", "covariance"), [], r"surface\.pose\.covariance"),
+        (("legs", 0, "dimensions"), None, r"legs\[0\]\.dimensions"),
+    ],
+)
+def test_damage_is_said_with_its_place(
+    keys: tuple[str | int, ...], value: object, where: str
+) -> None:
+    """By the names of the fields that lead to it."""
+    document = json.loads(rectangle_model().to_json())
+    part = document
+    for key in keys[:-1]:
+        part = part[key]
+    part[keys[-1]] = value
+    with pytest.raises(TablemapError, match=rf"damaged at {where}: "):
+        TableModel.from_json(json.dumps(document))
+
+
+def test_numbers_of_numpy_become_python_s() -> None:
+    """Stages compute with them, JSON knows none."""
+    figure = Figure(value=np.float64(1.5), sigma=np.float32(0.25), budget={"noise": np.float64(1)})
+    assert (figure.value, figure.sigma, figure.budget) == (1.5, 0.25, {"noise": 1.0})
+    assert json.loads(json.dumps(figure.fields())) == figure.fields()
+
+
+def test_what_changes_a_part_is_checked_too() -> None:
+    """There is no way past it."""
+    with pytest.raises(TablemapError, match="finite"):
+        structs.replace(rectangle_model().surface.height, value=float("inf"))
 
 
 def test_no_figure_is_ever_nan() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
+from msgspec import structs
 
 from tablemap.model import TableModel
 from tablemap.model.outlines import simple_polygon
@@ -34,10 +35,8 @@ def test_a_crossed_outline_is_asked_what_is_on_it() -> None:
     model = rectangle_model()
     corners = model.surface.outline
     crossed = (corners[0], corners[2], corners[1], corners[3])
-    surface = model.surface.model_copy(update={"outline": crossed})
-    crossed_model = TableModel.model_validate(
-        model.model_copy(update={"surface": surface}).model_dump()
-    )
+    surface = structs.replace(model.surface, outline=crossed)
+    crossed_model = TableModel.read(structs.replace(model, surface=surface).fields())
     share = crossed_model.surface.contains([model.surface.pose.x, 9.0], [model.surface.pose.y, 9.0])
     assert np.isfinite(share).all()
     assert share[1] == pytest.approx(0.0, abs=1e-6)

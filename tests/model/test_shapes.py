@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+from msgspec import structs
 
 import tablemap
 from tablemap import model as m
@@ -72,8 +73,8 @@ def blob(**changes: Any) -> TableModel:
         name: m.Dimension(value=value, sigma=0.002, status="measured")
         for name, value in SIZES.items()
     }
-    surface = model.surface.model_copy(update={"shape": BLOB.name, "dimensions": dimensions})
-    return model.model_copy(update={"surface": surface})
+    surface = structs.replace(model.surface, shape=BLOB.name, dimensions=dimensions)
+    return structs.replace(model, surface=surface)
 
 
 def test_only_the_records_name_shapes() -> None:
@@ -128,7 +129,7 @@ def test_a_new_shape_is_scored_by_its_own_figures() -> None:
     """Its lengths with their sigmas; its legs in its own frame, whatever the snapshots' heading."""
     model = blob()
     pose = model.surface.pose
-    truth = Truth.model_validate(
+    truth = Truth.read(
         {
             "surface": {
                 "shape": BLOB.name,
@@ -140,7 +141,8 @@ def test_a_new_shape_is_scored_by_its_own_figures() -> None:
                 for leg in model.legs
             ],
             "snapshots": [
-                each.model_dump(include={"stamp_ns", "map_from_base"}) for each in model.snapshots
+                {"stamp_ns": each.stamp_ns, "map_from_base": each.map_from_base.fields()}
+                for each in model.snapshots
             ],
         }
     )
@@ -151,8 +153,8 @@ def test_a_new_shape_is_scored_by_its_own_figures() -> None:
         at = each.map_from_base
         place = motion @ Pose2(at.x, at.y, at.yaw)
         turned = m.PlanarPose(x=place.x, y=place.y, yaw=place.yaw)
-        snapshots.append(each.model_copy(update={"map_from_base": turned}))
-    result = score(model.model_copy(update={"snapshots": tuple(snapshots)}), truth)
+        snapshots.append(structs.replace(each, map_from_base=turned))
+    result = score(structs.replace(model, snapshots=tuple(snapshots)), truth)
     figures = [(each.name, each.sigma) for each in result.dimensions]
     assert figures == [("reach", 0.002), ("breadth", 0.002)]
     assert max(abs(each.error) for each in result.dimensions) < 1e-9

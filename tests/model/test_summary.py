@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from msgspec import structs
+
 from tablemap import model as m
 from tablemap.model.summary import doubts, judged, line, summary_rows
 from tests.making.models import rectangle_model
@@ -20,7 +22,7 @@ NOTE = m.WarningEntry(
 def doubted() -> m.TableModel:
     """A rectangle with a side that was not seen, and a note."""
     verdict = m.Verdict(level="doubtful", reasons=(UNSEEN.message,))
-    return rectangle_model().model_copy(update={"warnings": (NOTE, UNSEEN), "verdict": verdict})
+    return structs.replace(rectangle_model(), warnings=(NOTE, UNSEEN), verdict=verdict)
 
 
 def test_a_verdict_in_one_line_has_the_codes_of_its_doubts() -> None:
@@ -34,8 +36,8 @@ def test_a_verdict_in_one_line_has_the_codes_of_its_doubts() -> None:
 def test_a_polygon_has_its_extent() -> None:
     """It has no dimensions, and its size is what is read first; along its own axes."""
     rectangle = rectangle_model(length=1.2, width=0.8, yaw=0.7)
-    surface = rectangle.surface.model_copy(update={"shape": "polygon", "dimensions": {}})
-    polygon = rectangle.model_copy(update={"surface": surface})
+    surface = structs.replace(rectangle.surface, shape="polygon", dimensions={})
+    polygon = structs.replace(rectangle, surface=surface)
     assert dict(summary_rows(polygon))["extent"] == "1.2000 x 0.8000 m over all"
     assert "extent" not in dict(summary_rows(rectangle))
 
@@ -43,7 +45,7 @@ def test_a_polygon_has_its_extent() -> None:
 def test_a_circle_has_no_heading() -> None:
     """Its yaw is 0 by definition, and no sigma of it says anything."""
     rectangle = rectangle_model()
-    surface = rectangle.surface.model_copy(update={"shape": "circle", "dimensions": {}})
-    circle = rectangle.model_copy(update={"surface": surface})
+    surface = structs.replace(rectangle.surface, shape="circle", dimensions={})
+    circle = structs.replace(rectangle, surface=surface)
     assert dict(summary_rows(rectangle))["place in map"].endswith("mm, yaw 21.20 +- 0.11 deg")
     assert dict(summary_rows(circle))["place in map"] == "(0.310, -0.220) m +- 2 mm"

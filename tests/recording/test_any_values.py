@@ -13,12 +13,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.opcode import Opcode
-from pydantic import ValidationError
 
 from tablemap.archive.manifest import Manifest
 from tablemap.config import LimitsConfig
 from tablemap.errors import RecordingError, TablemapError
 from tablemap.model import TableModel
+from tablemap.model.documents import DamageError
 from tablemap.recording import inspect, open_recording
 from tablemap.recording.decoding import Decoder
 from tablemap.recording.mcap.container import Container
@@ -258,8 +258,8 @@ def test_tables_of_any_values_are_read_or_refused(key: str, value: object) -> No
 def test_manifests_of_any_values_are_read_or_refused(key: str, value: object) -> None:
     """And their recordings are there or not."""
     try:
-        manifest = Manifest.model_validate_json(json.dumps(MANIFEST | {key: value}))
-    except ValidationError:
+        manifest = Manifest.from_json(json.dumps(MANIFEST | {key: value}))
+    except DamageError:
         return
     manifest.recording.input.exists()
-    manifest.model_dump_json()
+    manifest.to_json()

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from tablemap.config import LimitsConfig
-from tablemap.config.section import settings_of
 from tablemap.recording import inspect
+from tablemap.structs import fields_of
 from tests.making import hostile
 from tests.making import messages as w
 from tests.making.bounds import check_bounded, said
@@ -55,7 +55,7 @@ def test_the_defaults_stop_nothing_of_a_sound_recording(drive: Path) -> None:
 
 def test_every_limit_is_tried() -> None:
     """A new limit needs a case of its own."""
-    assert LOWERED.keys() == settings_of(LimitsConfig).keys()
+    assert LOWERED.keys() == fields_of(LimitsConfig).keys()
 
 
 @pytest.mark.parametrize("name", [name for name, change in LOWERED.items() if change])

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rerun as rr
+from msgspec import structs
 from rerun.chunk import RrdReader
 
 from tablemap.config import ReviewConfig
@@ -404,7 +405,7 @@ def test_the_log_has_the_doubts_that_stayed(tmp_path: Path) -> None:
     entry = WarningEntry(
         code="legs.no_return", stage="legs", message="of the last fit", stamp_ns=None
     )
-    told = model.model_copy(update={"warnings": (entry,)})
+    told = structs.replace(model, warnings=(entry,))
     begun = [one for one in run if not isinstance(one, (Legs, TableModel, OtherTable, OfTable))]
     for k, end in enumerate((told, RunFailed("legs", "no legs"))):
         path = write(tmp_path / str(k) / "run.rrd", [*begun, first, last, end])

@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 
 import PIL.Image
 import pytest
+from msgspec import structs
 
 from tablemap import palette
 from tablemap.events import OtherTable, RunFailed
@@ -96,7 +97,7 @@ def test_a_doubt_has_its_code_at_the_top(model: TableModel) -> None:
         code="accuracy.unseen_side", stage="surface", message="A side was not seen.", stamp_ns=None
     )
     verdict = Verdict(level="doubtful", reasons=(doubt.message,))
-    doubted = model.model_copy(update={"warnings": (doubt,), "verdict": verdict})
+    doubted = structs.replace(model, warnings=(doubt,), verdict=verdict)
     html = page([doubted, OtherTable(1, doubted)])
     assert "<li>accuracy.unseen_side: A side was not seen.</li>" in html
     others = html[html.index("Other tables") :]
@@ -106,9 +107,9 @@ def test_a_doubt_has_its_code_at_the_top(model: TableModel) -> None:
 
 def test_long_reasons_stand_below_the_figures_on_a_narrow_screen(model: TableModel) -> None:
     """In a table of many columns; what is short keeps its columns."""
-    unused = model.snapshots[0].model_copy(update={"used": False, "reason": "not seen, " * 5})
+    unused = structs.replace(model.snapshots[0], used=False, reason="not seen, " * 5)
     for snapshots, kind in (((unused,), ' class="worded"'), (model.snapshots[:1], "")):
-        html = page([model.model_copy(update={"snapshots": snapshots})])
+        html = page([structs.replace(model, snapshots=snapshots)])
         assert f"<table{kind}>\n<tr><th>stop</th>" in html
 
 
@@ -142,7 +143,7 @@ def test_a_failed_run_shows_what_was_seen(run: list[object]) -> None:
 def test_names_cannot_break_the_page(model: TableModel) -> None:
     """What stands in a recording is text, not markup."""
     kept = Page()
-    kept(model.model_copy(update={"frame": "<script>&map"}))
+    kept(structs.replace(model, frame="<script>&map"))
     html = kept.html(manifest("/<b>&.mcap"), status="ok", error=None)
     assert "script" not in elements(html)
     assert "&lt;b&gt;&amp;.mcap" in html
@@ -167,8 +168,8 @@ def test_the_plan_is_to_scale(model: TableModel) -> None:
 def test_views_from_one_place_share_a_number(model: TableModel) -> None:
     """A stop at which the head looked three ways is drawn once, and used if one view was."""
     first, *others = model.snapshots
-    turned = (first.model_copy(update={"used": False, "reason": "not seen"}), first, first)
-    svg = drawing(model.model_copy(update={"snapshots": (*turned, *others)}))
+    turned = (structs.replace(first, used=False, reason="not seen"), first, first)
+    svg = drawing(structs.replace(model, snapshots=(*turned, *others)))
     labels = [one.text for one in svg.findall("text") if one.attrib.get("fill") == "white"]
     assert labels[:2] == ["0-2", "3"]
     assert len(labels) == 1 + len(others)
@@ -179,9 +180,9 @@ def test_views_from_one_place_share_a_number(model: TableModel) -> None:
 def test_sides_are_drawn_by_status(model: TableModel) -> None:
     """A side that was not seen is dotted and red."""
     edges = list(model.surface.edges)
-    edges[0] = edges[0].model_copy(update={"status": "unseen"})
-    surface = model.surface.model_copy(update={"edges": tuple(edges)})
-    sides = drawing(model.model_copy(update={"surface": surface})).findall("polyline")
+    edges[0] = structs.replace(edges[0], status="unseen")
+    surface = structs.replace(model.surface, edges=tuple(edges))
+    sides = drawing(structs.replace(model, surface=surface)).findall("polyline")
     assert [side.attrib["stroke"] == "#b3261e" for side in sides] == [
         edge.status == "unseen" for edge in edges
     ]
@@ -189,18 +190,17 @@ def test_sides_are_drawn_by_status(model: TableModel) -> None:
 
 def test_a_polygon_has_its_sides_lengths(model: TableModel) -> None:
     """Where there are no named dimensions."""
-    surface = model.surface.model_copy(update={"shape": "polygon", "dimensions": {}})
+    surface = structs.replace(model.surface, shape="polygon", dimensions={})
     words = [
-        text.text or ""
-        for text in drawing(model.model_copy(update={"surface": surface})).iter("text")
+        text.text or "" for text in drawing(structs.replace(model, surface=surface)).iter("text")
     ]
     assert sum(bool(re.fullmatch(r"\d\.\d{3} m", one)) for one in words) == len(surface.edges)
 
 
 def test_poor_results_make_a_page(model: TableModel, run: list[object]) -> None:
     """No outline, no legs, no stops, no residuals."""
-    surface = model.surface.model_copy(update={"outline": (), "edges": (), "dimensions": {}})
-    poor = model.model_copy(update={"surface": surface, "legs": (), "snapshots": ()})
+    surface = structs.replace(model.surface, outline=(), edges=(), dimensions={})
+    poor = structs.replace(model, surface=surface, legs=(), snapshots=())
     emptied = [made_up.emptied(one) for one in run if isinstance(one, Surface)]
     assert "no outline" in page([*emptied, poor], status="partial", error="cut <short>")
 

@@ -154,7 +154,7 @@ def test_the_page_is_drawn_by_a_browser_without_a_network(tmp_path: Path) -> Non
     page = Page()
     for one in made_up.results():
         page(one)
-    manifest = Manifest.model_validate(MANIFEST)
+    manifest = Manifest.read(MANIFEST)
     file = tmp_path / "report.html"
     file.write_text(page.html(manifest, status="ok", error=None), encoding="utf-8")
     with browser("light") as (shown, refused):

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 
 from tablemap.archive import RunFolder, load_run
 from tablemap.archive.folder import RESERVE
@@ -248,7 +249,7 @@ def test_a_run_interrupted_while_its_folder_is_made_leaves_none(
 def test_a_killed_run_is_dead_and_not_exported(tmp_path: Path) -> None:
     """Its manifest says that it runs; the list knows better. A live one is left alone."""
     runs = tmp_path / "runs"
-    gone = Writer.this().model_copy(update={"began": 1})
+    gone = structs.replace(Writer.this(), began=1)
     make_run(runs, "lap/a", rectangle_model(), status="running", writer=gone)
     make_run(runs, "lap/b", rectangle_model(), status="running", writer=Writer.this())
     rows = {row.path: row for row in list_runs(runs)}
@@ -274,10 +275,10 @@ def test_a_process_is_told_by_its_beginning(tmp_path: Path) -> None:
     """Numbers of processes are used again; of another machine's the heartbeat tells."""
     here = Writer.this()
     assert is_alive(tmp_path, here)
-    assert not is_alive(tmp_path, here.model_copy(update={"began": (here.began or 0) + 1}))
-    assert not is_alive(tmp_path, here.model_copy(update={"boot": "before"}))
-    assert not is_alive(tmp_path, here.model_copy(update={"began": None, "pid": 2**22 + 1}))
-    there = here.model_copy(update={"host": "another"})
+    assert not is_alive(tmp_path, structs.replace(here, began=(here.began or 0) + 1))
+    assert not is_alive(tmp_path, structs.replace(here, boot="before"))
+    assert not is_alive(tmp_path, structs.replace(here, began=None, pid=2**22 + 1))
+    there = structs.replace(here, host="another")
     assert not is_alive(tmp_path, there)
     (tmp_path / HEARTBEAT).touch()
     assert is_alive(tmp_path, there)

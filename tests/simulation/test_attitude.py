@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec import structs
 from scipy.spatial.transform import Rotation
 
 from tablemap.simulation import Scenario, Simulation, load_scenario, simulate, write
@@ -19,8 +20,8 @@ from tests.making import simulated_log as log
 def exact(**sections: object) -> Scenario:
     """The exact scenario, small and quick, with errors."""
     scenario = load_scenario("exact")
-    camera = scenario.camera.model_copy(update={"width": 160, "height": 120})
-    return scenario.model_copy(update={"camera": camera, **sections})
+    camera = structs.replace(scenario.camera, width=160, height=120)
+    return structs.replace(scenario, camera=camera, **sections)
 
 
 def attitudes(simulated: Simulation, plain: Simulation) -> list[Rotation]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from tablemap.geometry import Floats
 from tablemap.simulation import Simulation, load_scenario, simulate
@@ -15,8 +16,8 @@ from tablemap.simulation.scene import Scene
 def simulation(**camera: object) -> Simulation:
     """The exact scenario with errors of a small camera."""
     scenario = load_scenario("exact")
-    small = scenario.camera.model_copy(update={"width": 160, "height": 120, **camera})
-    return simulate(scenario.model_copy(update={"camera": small}), seed=2)
+    small = structs.replace(scenario.camera, **{"width": 160, "height": 120, **camera})
+    return simulate(structs.replace(scenario, camera=small), seed=2)
 
 
 def ratio(simulated: Simulation, *, progress: float = 0.5) -> tuple[Floats, Floats]:
@@ -96,8 +97,8 @@ def test_one_error_more_leaves_the_others_as_they_were() -> None:
     """What a seed draws does not hang on which errors are switched on."""
     plain = simulate(load_scenario("bent_rectangle"), seed=4)
     scenario = plain.scenario
-    camera = scenario.camera.model_copy(update={"bend_percent": 0.0, "warming_sigma": 0.0})
-    straight = simulate(scenario.model_copy(update={"camera": camera}), seed=4)
+    camera = structs.replace(scenario.camera, bend_percent=0.0, warming_sigma=0.0)
+    straight = simulate(structs.replace(scenario, camera=camera), seed=4)
     assert straight.camera.errors.bend is None
     assert straight.camera.errors.pitch == plain.camera.errors.pitch
     assert straight.camera.errors.depth_scale == plain.camera.errors.depth_scale

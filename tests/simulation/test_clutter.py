@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
+from msgspec import structs
 
 from tablemap.simulation import load_scenario, simulate
 from tablemap.simulation.scenario import Clutter
@@ -15,7 +16,7 @@ def test_a_crowd_covers_half_of_the_top(name: str) -> None:
     """Within the top, apart from each other, and at the rim too."""
     for seed in range(3):
         scenario = load_scenario(name)
-        crowded = scenario.model_copy(update={"clutter": Clutter(rim=4, cover=0.5)})
+        crowded = structs.replace(scenario, clutter=Clutter(rim=4, cover=0.5))
         world = simulate(crowded, seed=seed).world
         table = world.map_from_table.inverse()
         outlines = [
@@ -36,7 +37,7 @@ def test_a_crowd_covers_half_of_the_top(name: str) -> None:
 def test_a_crowd_is_drawn_apart_from_the_rest() -> None:
     """Room, table and drive are those of the same seed without it."""
     scenario = load_scenario("circle")
-    crowded = scenario.model_copy(update={"clutter": Clutter(rim=4, cover=0.5)})
+    crowded = structs.replace(scenario, clutter=Clutter(rim=4, cover=0.5))
     alone, among = simulate(scenario, seed=5), simulate(crowded, seed=5)
     assert alone.world.top.dimensions == among.world.top.dimensions
     assert (alone.drive.distances == among.drive.distances).all()

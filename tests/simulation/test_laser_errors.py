@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from tablemap.geometry import Floats
 from tablemap.simulation import Simulation, load_scenario, simulate
@@ -14,10 +15,10 @@ from tablemap.simulation.scene import Scene
 def ranges(*, reflectance: float | None = None, **laser: object) -> tuple[Floats, Simulation]:
     """Return the first scan of the exact scenario with errors, and the simulation."""
     scenario = load_scenario("exact")
-    legs = scenario.table.legs.model_copy(update={"reflectance": reflectance})
-    table = scenario.table.model_copy(update={"legs": legs})
-    errors = scenario.laser.model_copy(update=laser)
-    simulated = simulate(scenario.model_copy(update={"table": table, "laser": errors}), seed=2)
+    legs = structs.replace(scenario.table.legs, reflectance=reflectance)
+    table = structs.replace(scenario.table, legs=legs)
+    errors = structs.replace(scenario.laser, **laser)
+    simulated = simulate(structs.replace(scenario, table=table, laser=errors), seed=2)
     scene = Scene(simulated.parts(moved=False))
     scan = scanner.scan(
         scene,

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 from PIL import Image
 
 from tablemap.geometry import Floats
@@ -33,8 +34,8 @@ def scenario(name: str = "exact", **camera: object) -> Scenario:
         "fattening_px": 0.0,
         "holes": 0.0,
     }
-    settings = loaded.camera.model_copy(update={**none, "width": 320, "height": 240, **camera})
-    return loaded.model_copy(update={"camera": settings})
+    settings = structs.replace(loaded.camera, **{**none, "width": 320, "height": 240, **camera})
+    return structs.replace(loaded, camera=settings)
 
 
 def taken(simulated: Simulation, image: int = 0, count: int = 1) -> tuple[View, Floats]:
@@ -171,8 +172,8 @@ def test_stereo_has_holes_where_texture_is_missing(
 ) -> None:
     """In patches, as large a part of the top as it lacks texture; off with its setting."""
     plain = scenario(principle="stereo", dropouts=True, holes=holes)
-    table = plain.table.model_copy(update={"texture": texture})
-    view, images = taken(simulate(plain.model_copy(update={"table": table}), seed=1), count=6)
+    table = structs.replace(plain.table, texture=texture)
+    view, images = taken(simulate(structs.replace(plain, table=table), seed=1), count=6)
     inner = np.setdiff1d(np.flatnonzero((view.parts == 0) & (view.cosine > 0.3)), view.edges)
     assert np.mean(np.isnan(images[:, inner])) == pytest.approx(share, abs=0.15 if share else 0.03)
 
@@ -216,8 +217,8 @@ def test_the_stated_intrinsics_are_the_camera_s(tmp_path: Path) -> None:
 def test_depth_in_metres_is_recorded(tmp_path: Path, transport: str) -> None:
     """As 32FC1 with NaN, or by its inverse; ours and others' readers get the same image."""
     stereo = scenario(principle="stereo", encoding="32FC1", dropouts=True)
-    robot = stereo.robot.model_copy(update={"depth_transport": transport, "stops": 1})
-    simulated = simulate(stereo.model_copy(update={"robot": robot}), seed=1)
+    robot = structs.replace(stereo.robot, depth_transport=transport, stops=1)
+    simulated = simulate(structs.replace(stereo, robot=robot), seed=1)
     write(simulated, tmp_path / "a.mcap")
     messages = log.read(tmp_path / "a.mcap")
     ends = "image" if transport == "raw" else "image/compressedDepth"

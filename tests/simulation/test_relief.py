@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
+from msgspec import structs
 
 from tablemap.geometry import Floats, Pose2
 from tablemap.simulation import Scenario, load_scenario, simulate
@@ -16,8 +17,8 @@ from tablemap.simulation.scene import Scene
 def exact(name: str = "exact", *, wave: float = 0.0, **table: object) -> Scenario:
     """A scenario with another floor and another top."""
     scenario = load_scenario(name)
-    update = {"table": scenario.table.model_copy(update=table), "ground": Ground(wave=wave)}
-    return scenario.model_copy(update=update)
+    update = {"table": structs.replace(scenario.table, **table), "ground": Ground(wave=wave)}
+    return structs.replace(scenario, **update)
 
 
 def looked_down(scene: Scene, places: Floats) -> Floats:

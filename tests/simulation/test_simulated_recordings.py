@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+from msgspec import structs
 
 from tablemap.errors import ConfigError
 from tablemap.geometry import Pose2, transform
@@ -39,9 +40,9 @@ def small(name: str, **robot: object) -> Scenario:
         across, down = 160 / scenario.camera.width, 120 / scenario.camera.height
         scales = (across, down, across, down)
         size["intrinsics"] = tuple(k * s for k, s in zip(stated, scales, strict=True))
-    camera = scenario.camera.model_copy(update=size)
-    return scenario.model_copy(
-        update={"camera": camera, "robot": scenario.robot.model_copy(update={**few, **robot})}
+    camera = structs.replace(scenario.camera, **size)
+    return structs.replace(
+        scenario, camera=camera, robot=structs.replace(scenario.robot, **{**few, **robot})
     )
 
 

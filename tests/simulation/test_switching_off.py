@@ -10,6 +10,7 @@ import pytest
 from tablemap.errors import ConfigError
 from tablemap.simulation import Simulation, error_names, load_scenario, simulate, without
 from tablemap.simulation.scenario import ERRORS, Scenario, ScenarioSection
+from tablemap.structs import fields_of
 
 SCENARIO = load_scenario("bent_corners")
 DRAWN = {
@@ -85,11 +86,11 @@ def nested(value: Any) -> list[Any]:
 
 def test_every_sigma_is_an_error() -> None:
     """A setting named after a spread that draws a sensor's error is in the list."""
-    for name, field in Scenario.model_fields.items():
-        section = field.annotation
+    for name, field in fields_of(Scenario).items():
+        section = field.type
         if not (isinstance(section, type) and issubclass(section, ScenarioSection)):
             continue
-        for setting in section.model_fields:
+        for setting in fields_of(section):
             if "sigma" in setting:
                 assert setting in ERRORS[name], f"{name}.{setting}"
 

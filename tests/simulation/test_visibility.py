@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from tablemap.simulation import load_scenario, simulate
 from tablemap.simulation.scenario import Clutter
@@ -15,7 +16,7 @@ def shares(name: str, *, seed: int = 1, **robot: object) -> np.ndarray[Any, Any]
     """Return (images, 2): the top's share in the image, and unhidden."""
     scenario = load_scenario(name)
     simulated = simulate(
-        scenario.model_copy(update={"robot": scenario.robot.model_copy(update=robot)}), seed=seed
+        structs.replace(scenario, robot=structs.replace(scenario.robot, **robot)), seed=seed
     )
     snapshots: Any = simulated.truth()["snapshots"]
     return np.array([[each["top_in_image"], each["sees_top"]] for each in snapshots])
@@ -64,7 +65,7 @@ def test_a_head_turned_away_sees_none() -> None:
 def test_the_share_is_that_of_the_pixels() -> None:
     """Counted in an image, weighted by the area that each pixel covers, it is the same."""
     scenario = load_scenario("exact")
-    cluttered = scenario.model_copy(update={"clutter": Clutter(count=4)})
+    cluttered = structs.replace(scenario, clutter=Clutter(count=4))
     simulated = simulate(cluttered, seed=3)
     area = simulated.world.top.polygon.area
     for i in (0, 6):

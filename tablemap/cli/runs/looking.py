@@ -48,7 +48,7 @@ def show(run: Run, as_json: Json = False) -> None:
     if as_json:
         document = {
             "path": folder.address,
-            "manifest": manifest.model_dump(mode="json", by_alias=True),
+            "manifest": manifest.fields(),
             "model": json.loads(model.to_json()) if model else None,
             "others": [other_entry(other, folder) for other in others],
         }

@@ -23,18 +23,16 @@ def write(solid: Solid, config: ExportConfig) -> dict[str, bytes]:
     top = {
         "part": "top",
         "shape": surface.shape,
-        "height": surface.height.model_dump(mode="json"),
+        "height": surface.height.fields(),
         "floor_z": model.floor_z,
-        "thickness": surface.thickness and surface.thickness.model_dump(mode="json"),
+        "thickness": surface.thickness and surface.thickness.fields(),
         "pose": {"x": surface.pose.x, "y": surface.pose.y, "yaw": surface.pose.yaw},
-        "dimensions": {
-            name: size.model_dump(mode="json") for name, size in surface.dimensions.items()
-        },
+        "dimensions": {name: size.fields() for name, size in surface.dimensions.items()},
         "verdict": model.verdict.level,
     }
     features = [_feature(solid, solid.top, top)]
     for part, leg in zip(solid.legs, model.legs, strict=False):
-        features.append(_feature(solid, part, {"part": part.name, **leg.model_dump(mode="json")}))
+        features.append(_feature(solid, part, {"part": part.name, **leg.fields()}))
     document = {
         "type": "FeatureCollection",
         "name": solid.name,

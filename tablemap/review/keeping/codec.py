@@ -203,7 +203,7 @@ class _FileDecoder:
         return float(one["$float"])
 
     def _model(self, one: dict[str, Any]) -> TableModel:
-        return TableModel.model_validate(one["$model"])
+        return TableModel.read(one["$model"])
 
     def _enum(self, one: dict[str, Any]) -> Any:
         return classes()[one["$enum"]][one["name"]]  # type: ignore[index]
