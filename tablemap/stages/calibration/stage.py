@@ -52,7 +52,8 @@ def calibrate(
     missed = result.floor_pixels < config.least_floor_pixels
     level = floor_level(snapshots)
     if not missed and not _excess(result.adjustment, config):
-        if level is None or abs(level) < _ELSEWHERE_M:
+        # A higher level is no floor where a flat one is seen below it, but a top that hides it.
+        if level is None or level > -_ELSEWHERE_M:
             return result
         # The band about z = 0 widens with the distance, and may hold far parts of a lower floor.
         found = _at_level(snapshots, level, beliefs, config, sensors)

@@ -207,6 +207,17 @@ def test_a_few_things_on_a_hidden_floor_are_no_floor(heights: list[list[float]])
     assert (again.floor_pixels == 0) == (heights is THINGS)
 
 
+def test_a_top_that_hides_most_of_the_floor_is_no_floor() -> None:
+    """The little floor that is seen stays the zero of heights; things on the top are above both."""
+    things = Box(2.3, 0.5, 1.2, 2.0, 0.3, 0.6)
+    snapshots = round_trip(
+        [*pit([[0.0]]), things], (1.0, 0.5), views=8, radius=1.4, mount=mounting(2.0, 52.0)
+    )
+    result = calibrate(snapshots, config=CONFIG, sensors=SENSORS)
+    assert result.floor_z == 0.0
+    assert abs(result.height_correction) < 0.003
+
+
 def raised(level: float, base_z: float) -> tuple[Snapshot, ...]:
     """Views of a table whose floor lies at a level of the fixed frame, the base's origin at z."""
     mount = mounting()
