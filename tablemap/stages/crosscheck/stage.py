@@ -116,7 +116,14 @@ def cross_check(
         pose_sigma=0.5 * size if found else 0.0,
         points=points,
         views=count,
-        warnings=(_warning(at_table, sigma, solution, arms, sightings, told),) if found else beside,
+        warnings=(
+            (
+                _warning(at_table, sigma, solution, arms, sightings, told),
+                *_unbelieved(size, sightings, sensors),
+            )
+            if found
+            else beside
+        ),
         range_scale=scale if told else None,
         range_scale_sigma=scale_sigma if told else None,
         by_edges=by_edges,
@@ -214,6 +221,26 @@ def _beside(by_legs: MountingSolution, sensors: SensorsConfig) -> tuple[ProcessW
 
 
 _BESIDE = 4.0  # times what is believed
+
+
+def _unbelieved(size: float, sightings: int, sensors: SensorsConfig) -> tuple[ProcessWarning, ...]:
+    """Doubt an offset of centimetres (``size``, metres) that edges alone show.
+
+    Where the depth of near edges errs otherwise than that of far ones, as on a polished top that
+    mirrors the room, the edges fit together as those of a camera in another place do.
+    """
+    if sightings or size <= _UNBELIEVED * sensors.laser_mounting_sigma:
+        return ()
+    message = (
+        "The edges fit together only if the camera sits "
+        f"{100 * size:.1f} cm beside its place in TF, and the camera saw no legs that confirm it. "
+        "Either TF is wrong by so much, or the depth at the edges errs, as on a polished top that "
+        "mirrors the room; lay paper or a cloth along the edges and record again."
+    )
+    return (ProcessWarning("accuracy.views_disagree", "crosscheck", message),)
+
+
+_UNBELIEVED = 8.0  # times what is believed
 
 
 def _warning(

@@ -131,6 +131,24 @@ def test_nothing_is_said_without_laser_poses_or_views() -> None:
         assert result.offset is None and result.warnings == ()
 
 
+@pytest.mark.parametrize(("forward", "is_doubted"), [(0.012, False), (0.03, True)])
+def test_an_offset_of_centimetres_that_edges_alone_show_is_doubted(
+    forward: float, is_doubted: bool
+) -> None:
+    """TF is hardly off by so much; the edges of a top that mirrors look alike."""
+    result = checked(box_table(1.2, 0.8, Pose2()), LAP, offset=Pose2(forward, 0.0, 0.0))
+    assert result.is_found
+    codes = [warning.code for warning in result.warnings]
+    assert ("accuracy.views_disagree" in codes) == is_doubted
+
+
+def test_an_offset_of_centimetres_that_legs_confirm_is_believed() -> None:
+    """Legs stand where they stand, whatever the top's edges look like."""
+    result = _with_legs(Pose2(0.03, 0.0, 0.0))
+    assert result.is_found
+    assert [warning.code for warning in result.warnings] == ["crosscheck.mounting"]
+
+
 def _with_legs(offset: Pose2, *, leaning: float = 0.0, seed: int = 0, stops: int = 8) -> CrossCheck:
     """Four legs seen by the laser, and by a camera ``offset`` from where it is believed."""
     scene = Scene(table=Pose2(0.4, -0.3, 0.6))
