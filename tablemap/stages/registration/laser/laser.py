@@ -225,6 +225,10 @@ def _search_suspicious(
             continue
         field = np.concatenate(others)
         start = Pose2.from_array(attempt.poses[i])
+        now = likelihood_at(scans[i].points, field, start)
+        if now + _BETTER >= 1.0:  # no place is so much better
+            tried.add(i)
+            continue
         found = search(
             scans[i].points,
             field,
@@ -234,7 +238,6 @@ def _search_suspicious(
         )
         step = start.inverse() @ found.pose
         far = np.hypot(step.x, step.y) > _MOVED or abs(step.yaw) > _MOVED_TURN
-        now = likelihood_at(scans[i].points, field, start)
         if far and found.score > max(now + _BETTER, _LEAST_FOUND_SCORE):
             moved[i] = found.pose
             placed[i] = found.pose
