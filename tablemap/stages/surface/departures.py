@@ -58,11 +58,12 @@ def departures(fit: JointFit, evidence: Evidence) -> list[Departure]:
 
     Noise scatters about the outline, and so do the errors of single views. A wrong shape leaves the
     same offset in all views, over centimetres of the edge. In each window along the outline, the
-    median of the views' medians is compared with their scatter. All edge points count: the robust
-    loss discards those beside a corner that is rounder than the shape's.
+    median of the views' medians is compared with their scatter. All edge points count, but those at
+    holes: the robust loss discards those beside a corner that is rounder than the shape's.
     """
     outline = fit.shape.outline()
     offset, at, length = _offsets(fit.points, fit.normals, outline)
+    offset[~evidence.is_whole] = np.nan
     count = max(int(length / _STEP), 3 * _LEAST_WINDOWS)
     windows: Floats = np.arange(count, dtype=np.float64) * (length / count)
     seen = np.full((count, len(evidence.view_slices)), np.nan)

@@ -97,7 +97,8 @@ def doubts(
                 "seen outside it, or free space inside it.",
             )
         )
-    for edge in inner_edges(chosen.fit.points, chosen.fit.shape.outline(), config)[:1]:
+    points = chosen.fit.points[evidence.is_whole]
+    for edge in inner_edges(points, chosen.fit.shape.outline(), config)[:1]:
         found.append(
             (
                 "accuracy.inner_edge",

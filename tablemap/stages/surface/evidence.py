@@ -39,6 +39,7 @@ class Evidence:
     motion: derivatives of the points by errors of the camera, in the base of their view
     drop: (N,), of the camera above the top, metres
     widening: (N,), metres outward by which a point moves if depth makes the top a pixel wider
+    hole: (N,), pixels of missing depth behind a point, 0 where none are known
     view: (N,), snapshot of each point
     poses: (n, 3), x, y, yaw of all snapshots
     spread: (n, 3), metres, the places of the snapshots from their middle; 0 for the yaw
@@ -63,6 +64,7 @@ class Evidence:
     view: Ints
     is_near: Bools
     widening: Floats
+    hole: Floats
     bulge: Floats
     poses: Floats
     spread: Floats
@@ -81,6 +83,13 @@ class Evidence:
     common_precision: Floats
     pose_sigma: float
     skew_sigma: float
+
+    @property
+    def is_whole(self) -> Bools:
+        """Which points (N,) have no more depth missing behind them than most have."""
+        most = max(_HOLE_PX, 1.5 * float(np.percentile(self.hole, 75)))
+        whole: Bools = self.hole <= most
+        return whole
 
     @cached_property
     def top_tree(self) -> cKDTree:
@@ -105,6 +114,7 @@ class Evidence:
             view=self.view[chosen],
             is_near=self.is_near[chosen],
             widening=self.widening[chosen],
+            hole=self.hole[chosen],
             bulge=self.bulge[chosen],
             view_slices=tuple(
                 slice(int(e) - len(part), int(e)) for e, part in zip(ends, kept, strict=True)
@@ -113,6 +123,9 @@ class Evidence:
             points=self.points[chosen],
             normals=self.normals[chosen],
         )
+
+
+_HOLE_PX = 1.5  # a single missing pixel may be a mixed one that was left out
 
 
 def gather(
@@ -161,6 +174,9 @@ def gather(
     sigma = np.concatenate([v.sigma[p] for v, p in zip(views, parts, strict=True)])
     near = np.concatenate([v.is_near[p] for v, p in zip(views, parts, strict=True)])
     widening = np.concatenate([v.widening[p] for v, p in zip(views, parts, strict=True)])
+    hole = np.concatenate(
+        [(v.hole / v.metres_per_px)[p] for v, p in zip(views, parts, strict=True)]
+    )
     index = np.concatenate(
         [np.full(len(p), v.index, dtype=np.int64) for v, p in zip(views, parts, strict=True)]
     )
@@ -183,6 +199,7 @@ def gather(
         view=index,
         is_near=near.astype(bool),
         widening=widening,
+        hole=np.nan_to_num(hole),
         bulge=_bulge(place(in_base, index, poses), top),
         poses=poses,
         spread=(poses - poses.mean(axis=0)) * (1.0, 1.0, 0.0),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -117,6 +119,34 @@ def test_a_simple_shape_but_for_a_small_part_is_doubted() -> None:
     assert surface.shape == "polygon"
     assert "accuracy.shape_ambiguous" in _codes(surface)
     assert "accuracy.shape_ambiguous" not in _codes(_fit(l_table(POSE), 3))
+
+
+@pytest.mark.parametrize("is_hole", [True, False])
+def test_the_end_of_a_hole_at_the_edge_is_no_edge(is_hole: bool) -> None:
+    """A reflection at the rim leaves ends of top behind which some pixels have no depth."""
+    table = box_table(1.2, 0.8, POSE)
+    outline, registration = observe(table, Bench(), np.random.default_rng(3))
+    place = POSE.apply(np.array([0.1, 0.4]))
+    views = []
+    for view, pose in zip(outline.views, registration.map_from_base, strict=True):
+        about = np.linalg.norm(pose.apply(view.points) - place, axis=1) < 0.12
+        views.append(
+            replace(
+                view,
+                points=view.points - 0.07 * about[:, None] * view.normals,
+                hole=np.where(about & is_hole, 3 * view.metres_per_px, np.nan),
+            )
+        )
+    surface = fit_surface(
+        replace(outline, views=tuple(views)),
+        registration,
+        config=SurfaceConfig(),
+        sensors=SensorsConfig(),
+        seed=0,
+    )
+    assert surface.shape == "rectangle"
+    doubted = {"accuracy.outline", "accuracy.inner_edge"} & _codes(surface)
+    assert not doubted if is_hole else doubted
 
 
 def test_a_cloth_over_one_end_is_doubted() -> None:
