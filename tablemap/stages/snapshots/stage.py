@@ -31,6 +31,7 @@ from tablemap.stages.snapshots.stops import (
     far_apart,
     is_same_place,
     sample_motion,
+    slow_views,
     standing_intervals,
 )
 from tablemap.words import counted
@@ -143,7 +144,10 @@ def _plan(
             stops.append(Viewpoint(start, end, inside))
     standing = sum(len(stop.stamps_ns) for stop in stops)
     if len(stops) >= _LEAST_STOPS and 10 * standing >= len(stamps):
-        return "stops", stops
+        shown = np.concatenate([stop.stamps_ns for stop in stops])
+        slow = slow_views(motion, stamps, shown, config)
+        stops += [Viewpoint(int(s), int(s), np.array([s])) for s in slow]
+        return "stops", sorted(stops, key=lambda stop: stop.start_ns)
     if stops and 2 * standing >= len(stamps):
         return "stops", stops
     if far_apart(stamps):

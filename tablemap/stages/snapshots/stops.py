@@ -16,6 +16,7 @@ SECOND_NS = 1_000_000_000
 SAME_PLACE_M, SAME_HEADING = 0.02, np.deg2rad(1.0)
 _Source = Literal["wheels", "localisation", "none"]
 
+_SLOW = 3.0  # times the speed below which the base stands still
 _LONGEST_JUMP = 0.5  # metres: after a longer jump the localisation is lost, not corrected
 
 
@@ -80,6 +81,41 @@ def standing_intervals(
     ]
     least = int(config.stop_seconds * SECOND_NS)
     return [(a, b) for a, b in _merge_creeping(intervals, motion) if b - a >= least]
+
+
+def slow_views(motion: BaseMotion, stamps: Ints, standing: Ints, config: SnapshotsConfig) -> Ints:
+    """Return the stamps of images (n,) taken in slow motion that show what no stop shows.
+
+    ``standing`` (m,) are stamps at the stops. An odometry that drifts while the base stands makes a
+    stop look like slow motion.
+    """
+    others = np.setdiff1d(stamps, standing)
+    if len(motion.stamps_ns) < 2 or not len(others):
+        return np.zeros(0, dtype=np.int64)
+    seconds = np.maximum(np.diff(motion.stamps_ns) / 1e9, 1e-6)
+    steps = np.diff(motion.poses, axis=0)
+    before = np.searchsorted(motion.stamps_ns, others, side="right") - 1
+    before = np.clip(before, 0, len(seconds) - 1)
+    speed = np.linalg.norm(steps[before, :2], axis=1) / seconds[before]
+    turn = np.abs(steps[before, 2]) / seconds[before]
+    slow = speed < _SLOW * config.still_speed
+    slow &= turn < _SLOW * np.deg2rad(config.still_turn_deg)
+    others = others[slow]
+    known = [*_poses_at(motion, standing)]
+    new = []
+    for stamp, pose in zip(others, _poses_at(motion, others), strict=True):
+        delta = pose - np.array(known)
+        apart = np.hypot(delta[:, 0], delta[:, 1]) / config.keyframe_distance
+        turned = np.abs(wrap_angles(delta[:, 2])) / np.deg2rad(config.keyframe_angle_deg)
+        if np.hypot(apart, turned).min() >= 1.0:
+            known.append(pose)
+            new.append(stamp)
+    return np.array(new, dtype=np.int64)
+
+
+def _poses_at(motion: BaseMotion, stamps: Ints) -> Floats:
+    columns = [np.interp(stamps, motion.stamps_ns, column) for column in motion.poses.T]
+    return np.stack(columns, axis=1)
 
 
 def _merge_creeping(intervals: list[tuple[int, int]], motion: BaseMotion) -> list[tuple[int, int]]:

@@ -175,6 +175,28 @@ def test_a_localisation_jump_does_not_part_a_stop() -> None:
         assert len(result.snapshots) == 4
 
 
+def creeping(speeds: list[float], *, apart: float = 0.8) -> Drive:
+    """Rest for two seconds at places so many metres apart; the odometry creeps meanwhile."""
+    knots = []
+    for i, speed in enumerate(speeds):
+        knots += [(4.0 * i, apart * i, 0.0, 0.0), (4.0 * i + 2, apart * i + 2 * speed, 0.0, 0.0)]
+    images = np.array([4.0 * i + second for i in range(len(speeds)) for second in (0.8, 1.2)])
+    return Drive(knots, images)
+
+
+def test_stops_at_which_the_odometry_creeps_are_seen_too() -> None:
+    """Where it drifts by 4 cm/s at every other stop, one image of each of these is a view."""
+    taken = take_snapshots(creeping([0.0, 0.04] * 4), config=CONFIG, sensors=SENSORS)
+    assert taken.kind == "stops"
+    assert len(taken.snapshots) == 8
+    # Faster motion is the drive itself.
+    driven = take_snapshots(creeping([0.0, 0.15] * 4), config=CONFIG, sensors=SENSORS)
+    assert len(driven.snapshots) == 4
+    # What a stop shows needs no second view.
+    near = take_snapshots(creeping([0.0, 0.04] * 4, apart=0.05), config=CONFIG, sensors=SENSORS)
+    assert len(near.snapshots) == 4
+
+
 def test_one_image_a_viewpoint() -> None:
     """Single images seconds apart, with poses at their stamps alone, are a snapshot each."""
     images = np.array([1.0, 8.0, 14.0, 20.0])
