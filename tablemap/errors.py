@@ -41,6 +41,9 @@ WARNING_CODES: dict[str, str] = {
     "recording.topic_choice": "Several topics fitted a role; one was chosen.",
     "snapshots.set_aside": "Depth images became no snapshot.",
     "snapshots.camera": "Values of the depth camera's kind or name took the place of defaults.",
+    "snapshots.grounded": (
+        "The base's height and tilt drift in the fixed frame; it was taken as level on its floor."
+    ),
     "snapshots.own_body": "Depth images show the robot itself; these pixels were left out.",
     "snapshots.unused": "Snapshots do not see the table, or were not registered.",
     "registration.pair_dropped": "Pairs of snapshots disagree with the rest.",

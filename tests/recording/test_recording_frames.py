@@ -150,6 +150,20 @@ def test_a_footprint_below_the_base_is_the_base() -> None:
     )
 
 
+def test_a_named_base_may_drift_in_height() -> None:
+    """Odometry in space climbs by decimetres a lap; a frame of another name then is no base."""
+    climbing = [
+        (t, "odom", "base_link", (x, y, 0.01 * i), yaw)
+        for i, (t, _, _, (x, y, _), yaw) in enumerate(drive("odom", "base_link"))
+    ]
+    tree = tree_of(*climbing, (0, "base_link", "camera", (0, 0, 1.0), 0))
+    names = find_frames(tree, camera="camera", lasers=[], config=TopicsConfig())
+    assert (names.base, names.base_is_virtual) == ("base_link", False)
+    unnamed = [(t, "odom", "rig", place, yaw) for t, _, _, place, yaw in climbing]
+    tree = tree_of(*unnamed, (0, "rig", "camera", (0, 0, 1.0), 0))
+    assert find_frames(tree, camera="camera", lasers=[], config=TopicsConfig()).base_is_virtual
+
+
 def test_a_map_below_utm_is_a_place_on_earth() -> None:
     """UTM's northing has millions of metres, and is no damage."""
     collector = TransformCollector()

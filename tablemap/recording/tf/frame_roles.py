@@ -5,8 +5,9 @@ Names decide first (REP 105), then the frames' motions:
 - fixed: map, then world, earth, odom; else the root of the camera's tree, if that is no base and
   the camera moves in it.
 - base: base_footprint, base_link, base and the like, if it moves in the plane (tilts less than
-  `MAX_TILT`, rises less than `MAX_RISE`); else the last frame between fixed and camera that moves
-  in the plane; else the camera's own place, projected to the ground.
+  `MAX_TILT` and rises less than `MAX_RISE`, or `NAMED_TILT` and `NAMED_RISE`); else the last frame
+  between fixed and camera that moves in the plane; else the camera's own place, projected to the
+  ground.
 - odom: odom and the like; else a frame between the fixed frame and the base, if it moves too.
 """
 
@@ -25,6 +26,8 @@ from tablemap.recording.tf.frames import Stamps, TransformEdge, TransformTree
 
 MAX_TILT = np.radians(5.0)
 MAX_RISE = 0.10
+NAMED_TILT, NAMED_RISE = np.radians(3.0), 0.4
+"""Of a frame that is called a base: odometry in space drifts in height, a hand also tilts."""
 _DRIVEN_METRES = 0.05
 
 FIXED_NAMES = ("map", "world", "earth", "odom", "odom_combined", "vicon", "mocap")
@@ -205,7 +208,10 @@ def _base(tree: TransformTree, names: FrameNames, given: str) -> str | None:
     # Another robot's base is neither on the way to the camera nor fixed to a frame that is.
     named.sort(key=lambda frame: not _is_fixed_to_one(tree, frame, between))
     for frame in named:
-        if frame != names.fixed and _is_planar(tree, names.fixed, frame):
+        if frame != names.fixed and (
+            _is_planar(tree, names.fixed, frame)
+            or _is_planar(tree, names.fixed, frame, tilt=NAMED_TILT, rise=NAMED_RISE)
+        ):
             return frame
     for edge in tree.path(names.fixed, names.camera)[1]:
         if edge.child == names.camera or not _is_driven(edge):
@@ -243,16 +249,18 @@ def _is_driven(edge: TransformEdge) -> bool:
     )
 
 
-def _is_planar(tree: TransformTree, fixed: str, frame: str) -> bool:
+def _is_planar(
+    tree: TransformTree, fixed: str, frame: str, *, tilt: float = MAX_TILT, rise: float = MAX_RISE
+) -> bool:
     stamps = pose_stamps(tree, fixed, frame)
     thinned = stamps[:: max(len(stamps) // 500, 1)]
     poses, valid = tree.lookup(fixed, frame, thinned)
     if not valid.any():
         return True
     poses = poses[valid]
-    tilt = np.quantile(np.arccos(np.clip(poses[:, 2, 2], -1, 1)), 0.95)
+    tilted = np.quantile(np.arccos(np.clip(poses[:, 2, 2], -1, 1)), 0.95)
     low, high = np.quantile(poses[:, 2, 3], [0.05, 0.95])
-    return bool(tilt < MAX_TILT and high - low < MAX_RISE)
+    return bool(tilted < tilt and high - low < rise)
 
 
 def _odom(tree: TransformTree, names: FrameNames, carrier: str, given: str) -> str | None:

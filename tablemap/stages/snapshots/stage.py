@@ -14,6 +14,7 @@ from tablemap.recording import DepthFrame, Recording
 from tablemap.stages.snapshots.camera_kind import looked_at, seen_camera
 from tablemap.stages.snapshots.combining import combine
 from tablemap.stages.snapshots.directions import by_direction, planar_pose, same_mount, views_at
+from tablemap.stages.snapshots.grounding import on_the_ground
 from tablemap.stages.snapshots.mending import mended
 from tablemap.stages.snapshots.noise import depth_noise
 from tablemap.stages.snapshots.own_body import without_own_body
@@ -60,9 +61,20 @@ def take_snapshots(
             f"{why}; see the warnings of `tablemap info`: {recording.input}"
         )
     aside = sorted([*aside, *dropped], key=lambda entry: entry.stamp_ns)
+    snapshots, grounded = _on_the_ground(recording, snapshots)
     cleared, body = without_own_body(snapshots)
-    notes = _camera_notes(camera, sensors) + body
+    notes = _camera_notes(camera, sensors) + grounded + body
     return Snapshots(tuple(cleared), tuple(aside), kind, camera, notes)
+
+
+def _on_the_ground(
+    recording: Recording, snapshots: list[Snapshot]
+) -> tuple[list[Snapshot], tuple[ProcessWarning, ...]]:
+    """Take a drift of the base's height and tilt back; a camera in a hand has none to stand on."""
+    if recording.names.base_is_virtual:
+        return snapshots, ()
+    stamps = np.array([one.stamp_ns for one in snapshots], dtype=np.int64)
+    return on_the_ground(snapshots, list(recording.base_from_cameras(stamps)[0]))
 
 
 def _camera_notes(camera: SeenCamera, sensors: SensorsConfig) -> tuple[ProcessWarning, ...]:
