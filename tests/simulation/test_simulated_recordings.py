@@ -439,7 +439,7 @@ def test_report_recordings_are_small(name: str, tmp_path: Path) -> None:
 
 def test_unknown_scenario_is_refused(tmp_path: Path) -> None:
     """An unknown name, key or shape and a missing size each end in one clear sentence."""
-    with pytest.raises(ConfigError, match="no scenario named 'rectangel'"):
+    with pytest.raises(ConfigError, match="no scenario 'rectangel'"):
         load_scenario("rectangel")
     with pytest.raises(ConfigError, match="no suite named"):
         suite("easy")
