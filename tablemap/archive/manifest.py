@@ -166,7 +166,7 @@ class Manifest(DocumentPart, frozen=True, kw_only=True):
     def from_json(text: str | bytes) -> "Manifest":
         """Read ``manifest.json``; unknown fields are ignored.
 
-        Raises `DamageError` if the text is no manifest.
+        Raises `DocumentError` if the text is no manifest.
         """
         return Manifest.read(parsed(text, "manifest"), "manifest")
 

@@ -20,7 +20,7 @@ from tablemap.structs import checked, fields_of
 from tablemap.words import shortened
 
 
-class DamageError(TablemapError, ValueError):
+class DocumentError(TablemapError, ValueError):
     """A document, or a part of one, that is not what it should be."""
 
 
@@ -30,14 +30,14 @@ class _Parts(StructMeta):
     def __call__(self, *values: Any, **given: Any) -> Any:
         known = fields_of(cast("type[Struct]", self)).values()
         if missing := [each.name for each in known if each.required and each.name not in given]:
-            raise DamageError(f"{self.__name__} needs {', '.join(missing)}.")
+            raise DocumentError(f"{self.__name__} needs {', '.join(missing)}.")
         return super().__call__(*values, **given)
 
 
 class DocumentPart(Struct, frozen=True, kw_only=True, metaclass=_Parts):
     """A part of a document: frozen; unknown fields in the file are ignored.
 
-    Raises `DamageError` for a field that is missing or not valid.
+    Raises `DocumentError` for a field that is missing or not valid.
     """
 
     def __post_init__(self) -> None:
@@ -50,7 +50,7 @@ class DocumentPart(Struct, frozen=True, kw_only=True, metaclass=_Parts):
                 value = checked(given, field.type)
             except (msgspec.ValidationError, ValueError) as error:
                 where, reason = _said(error)
-                raise DamageError(f"{type(self).__name__}.{name}{where}: {reason}.") from error
+                raise DocumentError(f"{type(self).__name__}.{name}{where}: {reason}.") from error
             if value is not given:
                 force_setattr(self, name, value)
 
@@ -58,14 +58,14 @@ class DocumentPart(Struct, frozen=True, kw_only=True, metaclass=_Parts):
     def read(cls, fields: object, noun: str = "document") -> Self:
         """Return the part with these fields, those of its parts as mappings too.
 
-        Raises `DamageError` with the place of the first fault.
+        Raises `DocumentError` with the place of the first fault.
         """
         try:
             return convert(fields, cls, str_keys=True)
         except msgspec.ValidationError as error:
             where, reason = _said(error)
             place = f" at {shortened(where.lstrip('.'))}" if where else ""
-            raise DamageError(f"the {noun} is damaged{place}: {shortened(reason)}.") from error
+            raise DocumentError(f"the {noun} is damaged{place}: {shortened(reason)}.") from error
 
     def fields(self) -> dict[str, Any]:
         """Return all fields as JSON has them, numbers as they are written."""
@@ -123,11 +123,11 @@ def parse_document(text: str, kind: type[Document], *, schema: str, noun: str) -
 
 
 def parsed(text: str | bytes, noun: str) -> Any:
-    """Return what a JSON text holds. Raises `DamageError` if it is none."""
+    """Return what a JSON text holds. Raises `DocumentError` if it is none."""
     try:
         return msgspec.json.decode(text)
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
-        raise DamageError(f"expected a {noun} in JSON, found other text ({error}).") from error
+        raise DocumentError(f"expected a {noun} in JSON, found other text ({error}).") from error
 
 
 def _said(error: Exception) -> tuple[str, str]:

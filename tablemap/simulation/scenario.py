@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from tablemap.errors import ConfigError
 from tablemap.files import read_text
-from tablemap.model.documents import DamageError, DocumentPart
+from tablemap.model.documents import DocumentError, DocumentPart
 from tablemap.model.shape_names import ShapeName, names_of
 from tablemap.model.shapes import SQUARE
 from tablemap.words import known_name
@@ -416,7 +416,7 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
         return Scenario.read({"name": path.stem, **settings}, "scenario")
     except OSError as error:
         raise ConfigError(f"The scenario cannot be read ({error.strerror}): {path}") from error
-    except DamageError as error:
+    except DocumentError as error:
         raise ConfigError(f"{str(error).removesuffix('.')}; correct it in {path}") from error
     except (ValueError, RecursionError) as error:
         raise ConfigError(f"The scenario is no valid TOML ({error}): {path}") from error

@@ -67,7 +67,7 @@ def test_what_doubts_the_figures_is_warned_of(tmp_path: Path) -> None:
     bow = ((0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.4))
     crossed = _changed(model, shape="mesh", dimensions={}, outline=bow)
     codes = []
-    for each in (unseen, doubtful, crossed, model.model_copy(update={"legs": ()})):
+    for each in (unseen, doubtful, crossed, structs.replace(model, legs=())):
         exported = export_model(each, ["glb", "sdf", "nav2"], output=tmp_path)
         codes += [warning.code for warning in exported.warnings]
     expected = ["bound", "verdict", "outline_repaired", "no_legs"]

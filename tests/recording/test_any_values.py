@@ -18,7 +18,7 @@ from tablemap.archive.manifest import Manifest
 from tablemap.config import LimitsConfig
 from tablemap.errors import RecordingError, TablemapError
 from tablemap.model import TableModel
-from tablemap.model.documents import DamageError
+from tablemap.model.documents import DocumentError
 from tablemap.recording import inspect, open_recording
 from tablemap.recording.decoding import Decoder
 from tablemap.recording.mcap.container import Container
@@ -259,7 +259,7 @@ def test_manifests_of_any_values_are_read_or_refused(key: str, value: object) ->
     """And their recordings are there or not."""
     try:
         manifest = Manifest.from_json(json.dumps(MANIFEST | {key: value}))
-    except DamageError:
+    except DocumentError:
         return
     manifest.recording.input.exists()
     manifest.to_json()
