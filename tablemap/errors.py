@@ -95,7 +95,7 @@ WARNING_CODES: dict[str, str] = {
         "The floor does not lie at z = 0, or is tilted: calibration, TF or depth are wrong."
     ),
     "accuracy.tf_conflict": (
-        "Two sources send one transform and disagree; the one that sent most was taken."
+        "Two sources send one transform and disagree; the one that sent most, or last, was taken."
     ),
     "accuracy.laser_mounting": (
         "The laser's scans fit the wheels' motion only if it is mounted otherwise than TF says."

@@ -132,7 +132,10 @@ def test_a_static_transform_beside_a_moving_one(tmp_path: Path, plain_recording:
 
 
 def test_two_mountings_of_one_camera(tmp_path: Path, plain_recording: Path) -> None:
-    """A laser that a description and a calibration put in two places, 2 cm apart, is said."""
+    """A laser that a description and a calibration put in two places, 2 cm apart, is said.
+
+    The last value counts, and the message says so: no one of the two sent more.
+    """
 
     def moved(parent: str, child: str, _: int, pose: Pose2) -> Pose2:
         return Pose2(pose.x + 0.02, pose.y, pose.yaw) if child.startswith("base_range") else pose
@@ -148,6 +151,11 @@ def test_two_mountings_of_one_camera(tmp_path: Path, plain_recording: Path) -> N
         (warning,) = recording.warnings
         assert warning.code == "accuracy.tf_conflict"
         assert "0.02 m" in warning.message
+        assert "the last one was taken" in warning.message
+        taken = recording.base_from_laser(recording.start_ns)
+    with open_recording(plain_recording) as plain:
+        given = plain.base_from_laser(plain.start_ns)
+    np.testing.assert_allclose(taken[:3, 3] - given[:3, 3], [0.02, 0.0, 0.0], atol=1e-9)
 
 
 def test_a_relay_that_repeats_the_transforms_is_no_conflict(

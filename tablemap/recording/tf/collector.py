@@ -284,7 +284,7 @@ def _static_edge(key: tuple[str, str], tracks: list[Track]) -> TransformEdge:
     poses: Floats = np.concatenate([track.poses for track in tracks])
     metres, radians = spread(poses, latest.poses[-1])
     different = metres > STATIC_METRES or radians > STATIC_RADIANS
-    conflict = Conflict(*key, 2, metres, radians) if different else None
+    conflict = Conflict(*key, 2, metres, radians, is_static=True) if different else None
     pose = latest.poses[-1:]
     return TransformEdge(*key, latest.stamps_ns[-1:], pose[:, :3], pose[:, 3:], conflict)
 

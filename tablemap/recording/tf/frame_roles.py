@@ -91,14 +91,7 @@ def conflicts(tree: TransformTree, names: FrameNames) -> list[ProcessWarning]:
     ends += [(carrier, names.laser)] if names.laser else []
     used = [edge for end in ends for way in tree.path(*end) for edge in way]
     said = dict.fromkeys(edge.conflict for edge in used if edge.conflict is not None)
-    return [
-        ProcessWarning(
-            "accuracy.tf_conflict",
-            "recording",
-            f"{conflict}; the one that sent most was taken. Stop the others and record again.",
-        )
-        for conflict in said
-    ]
+    return [ProcessWarning("accuracy.tf_conflict", "recording", str(conflict)) for conflict in said]
 
 
 def fixed_from_bases(

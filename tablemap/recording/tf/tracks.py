@@ -42,19 +42,31 @@ class Track:
 
 @dataclass(frozen=True)
 class Conflict:
-    """An edge whose ``sources`` disagree by up to ``metres`` and ``radians``."""
+    """An edge whose ``sources`` disagree by up to ``metres`` and ``radians``.
+
+    ``is_static``: it is sent as one that never moves, with several values.
+    """
 
     parent: str
     child: str
     sources: int
     metres: float
     radians: float
+    is_static: bool = False
 
     def __str__(self) -> str:
+        apart = f"up to {self.metres:.2f} m and {np.degrees(self.radians):.1f} degrees"
+        if self.is_static:
+            return (
+                f"The static transform from {self.parent} to {self.child} was sent with values "
+                f"that lie {apart} apart; the last one was taken for the whole drive. Correct the "
+                "sender that is wrong; if the sensor was moved or calibrated meanwhile, process "
+                "the part since then (--start)."
+            )
         number = {2: "Two", 3: "Three"}.get(self.sources, str(self.sources))
         return (
             f"{number} sources send the transform from {self.parent} to {self.child}, and disagree "
-            f"by up to {self.metres:.2f} m and {np.degrees(self.radians):.1f} degrees"
+            f"by {apart}; the one that sent most was taken. Stop the others and record again."
         )
 
 
