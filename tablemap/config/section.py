@@ -6,6 +6,7 @@ takes less time to read: modules of settings do without ``from __future__ import
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any, Self, TypeGuard, cast, get_args, get_origin
 
@@ -90,12 +91,22 @@ def _checked(value: object, field: FieldInfo, name: str) -> object:
     """Return the value of a setting as its type has it; numbers may be given as text."""
     kind, reason = field.type, ""
     try:
-        return checked(value, kind, strict=False)
+        read = checked(value, kind, strict=False)
+        if _is_finite(read):
+            return read
+        reason = "input should be a finite number"
     except ValidationError:
         reason = f"input should be {_expected(value, kind)}"
     except ValueError as error:
         reason = str(error)
     raise ConfigError(f"{name} = {value!r} is not allowed: {reason}.")
+
+
+def _is_finite(value: object) -> bool:
+    """Say whether a value is no infinite number or NaN, and has none in it."""
+    if isinstance(value, tuple):
+        return all(_is_finite(each) for each in value)
+    return not isinstance(value, float) or math.isfinite(value)
 
 
 def _expected(value: object, kind: Any) -> str:
