@@ -113,6 +113,20 @@ def _at_a_table(candidate: TableCandidate, others: list[TableCandidate]) -> Tabl
     return candidate
 
 
+def seats_beside(seat: TableCandidate, table: TableCandidate) -> bool:
+    """Tell whether a surface is as small and low as a seat at the other one.
+
+    However little was seen of the other one: a camera that looks at a chair hardly sees its table.
+    """
+    rise = table.height - seat.height
+    if seat.area > _SEAT_AREA or not _SEAT_UNDER[0] < rise < _SEAT_UNDER[1]:
+        return False
+    return bool(
+        not table.is_closed
+        and shapely.Polygon(seat.hull).distance(shapely.Polygon(table.hull)) < _SEAT_BESIDE
+    )
+
+
 _SEAT_UNDER = (0.15, 0.45)  # metres from a seat up to the top of its table
 _SEAT_BESIDE = 0.5  # metres from the table: chairs are pushed back
 _SEAT_AREA = 0.28  # square metres: a larger surface, against which nothing speaks, is no seat

@@ -10,7 +10,7 @@ import numpy as np
 from tablemap.config import SegmentationConfig, SensorsConfig
 from tablemap.errors import EstimationError, ProcessWarning
 from tablemap.events import Record, ignore
-from tablemap.stages.segmentation.candidates import STRIDE_PX, rank_tables
+from tablemap.stages.segmentation.candidates import STRIDE_PX, rank_tables, seats_beside
 from tablemap.stages.segmentation.height import Height, Plane, joint_height
 from tablemap.stages.segmentation.labelling import label_view
 from tablemap.stages.segmentation.result import (
@@ -235,12 +235,19 @@ def _choose(
         return candidates[best], []
     chosen = candidates[0]
     ties = [c for c in candidates[1:] if c.weight >= _TIE * chosen.weight]
-    if not ties:
+    tables = [c for c in candidates[1:] if seats_beside(chosen, c)]
+    if not ties and not tables:
         return chosen, []
     message = (
         f"The table at {_place(chosen)} was chosen; other surfaces are nearly as likely: "
         f"{_options(ties)}"
     )
+    if not ties:
+        message = (
+            f"The surface at {_place(chosen)} was chosen, though it is as small as a seat and a "
+            "higher surface lies beside it, as of a table that the camera hardly sees: "
+            f"{_options(tables)}"
+        )
     return chosen, [ProcessWarning("segmentation.table_tie", "segmentation", message)]
 
 
