@@ -161,9 +161,11 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
 
 
 def _check_choice(model: TableModel) -> None:
-    """Raise `EstimationError` for a second choice with unseen sides: a step or a shelf has some."""
+    """Raise `EstimationError` for a second choice with hardly a measured side, as of a step."""
     codes = {warning.code for warning in model.warnings}
-    if {"accuracy.second_choice", "accuracy.unseen_side"} <= codes:
+    sides = [edge.status for edge in model.surface.edges]
+    is_open = "accuracy.unseen_side" in codes or sides.count("measured") < min(2, len(sides))
+    if "accuracy.second_choice" in codes and is_open:
         raise EstimationError(
             "no table was found: the likeliest surface is none, and of the next one "
             f"({model.surface.height.value:.2f} m high) not all sides were seen: it may be a "

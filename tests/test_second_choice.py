@@ -149,6 +149,24 @@ def test_a_second_choice_with_unseen_sides_is_no_table(monkeypatch: pytest.Monke
     assert stages.tried == [1.0, 2.0, 4.0]
 
 
+def test_a_second_choice_with_one_measured_side_is_no_table(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A step shows its front edge, and of the other sides a part."""
+    surface = rectangle_model().surface
+    first, *others = surface.edges
+    part = tuple(structs.replace(each, status="inferred") for each in others)
+    step = structs.replace(surface, edges=(first, *part))
+    stages = Stages(monkeypatch, {1.0: "surface"})
+    whole = stages.assemble
+    monkeypatch.setattr(
+        pipeline, "assemble", lambda found: structs.replace(whole(found), surface=step)
+    )
+    with pytest.raises(EstimationError):
+        process()
+    assert stages.tried == [1.0, 2.0, 4.0]
+
+
 def test_stairs_are_no_table(real_recordings: Path) -> None:
     """Five views of a staircase end in one sentence."""
     with pytest.raises(EstimationError) as failed:
