@@ -65,7 +65,7 @@ _LEAST_SIDE = 0.3  # metres
 
 
 @dataclass(frozen=True, eq=False)
-class _Look:
+class _TopView:
     """What one view sees about the top.
 
     - ``eye``: (2,), the camera in the map
@@ -80,7 +80,7 @@ class _Look:
     below: Floats
 
 
-def _look(snapshot: Snapshot, map_from_base: Pose2, outline: Polygon, height: float) -> _Look:
+def _look(snapshot: Snapshot, map_from_base: Pose2, outline: Polygon, height: float) -> _TopView:
     rays = snapshot.camera.rays[::_STRIDE, ::_STRIDE].reshape(-1, 3)
     depth = snapshot.depth[::_STRIDE, ::_STRIDE].ravel()
     pose = snapshot.base_from_camera
@@ -93,7 +93,7 @@ def _look(snapshot: Snapshot, map_from_base: Pose2, outline: Polygon, height: fl
     low_x, low_y, high_x, high_y = outline.buffer(_BEYOND[1]).bounds
     near = (crossings > (low_x, low_y)).all(axis=1) & (crossings < (high_x, high_y)).all(axis=1)
     met = depth[near, None] * toward[near] + pose[:3, 3]
-    return _Look(
+    return _TopView(
         eye=map_from_base.apply(pose[:2, 3]),
         crossings=crossings[near],
         points=np.column_stack([map_from_base.apply(met[:, :2]), met[:, 2]]),
@@ -101,7 +101,7 @@ def _look(snapshot: Snapshot, map_from_base: Pose2, outline: Polygon, height: fl
     )
 
 
-def _lower(look: _Look, start: Floats, end: Floats) -> tuple[Floats, Bools]:
+def _lower(look: _TopView, start: Floats, end: Floats) -> tuple[Floats, Bools]:
     """Return points (n, 3) that seem to lie lower just beyond a side, and where.
 
     The second is which of the side's stations (m,) see mostly such points.
