@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Annotated, Any, get_args, get_origin
 
@@ -22,17 +23,18 @@ def checked(value: object, kind: Any, *, strict: bool = True) -> Any:
     Raises `msgspec.ValidationError`, and what the function raises. Unless ``strict``, numbers may
     be given as text.
     """
-    if get_origin(kind) is Annotated:
-        for meta in get_args(kind)[1:]:
-            value = (meta.extra or {}).get("read", _as_given)(value)
+    for read in reads(kind):
+        value = read(value)
     try:
         return convert(value, kind, strict=strict)
     except ValidationError:
         return convert(_plain(value), kind, strict=strict)
 
 
-def _as_given(value: object) -> object:
-    return value
+def reads(kind: Any) -> list[Callable[[Any], Any]]:
+    """Return the functions that an annotation has a value taken by: ``extra={"read": ...}``."""
+    metas = get_args(kind)[1:] if get_origin(kind) is Annotated else ()
+    return [meta.extra["read"] for meta in metas if "read" in (meta.extra or {})]
 
 
 def _plain(value: Any) -> Any:

@@ -4,24 +4,29 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from contextvars import ContextVar
 from functools import cache
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Self, TypeVar, Union, cast, get_args, get_origin
 
 import msgspec
 from msgspec import Struct, StructMeta, convert
-from msgspec.structs import force_setattr
+from msgspec.structs import FieldInfo, force_setattr
 
 from tablemap.errors import TablemapError
 from tablemap.files import read_text
 from tablemap.paths import AnyPath, as_place
 from tablemap.schemas import MOST, json_schema
-from tablemap.structs import checked, fields_of
+from tablemap.structs import checked, fields_of, reads
 from tablemap.words import shortened
 
 
 class DocumentError(TablemapError, ValueError):
     """A document, or a part of one, that is not what it should be."""
+
+
+_IS_READ = ContextVar("is_read", default=False)
+"""Whether the parts that are made now come from `msgspec`, which has checked types and ranges."""
 
 
 class _Parts(StructMeta):
@@ -41,8 +46,8 @@ class DocumentPart(Struct, frozen=True, kw_only=True, metaclass=_Parts):
     """
 
     def __post_init__(self) -> None:
-        """Check every field."""
-        for name, field in fields_of(type(self)).items():
+        """Check every field; of a part that is read, those that `msgspec` does not check."""
+        for name, field in _fields_to_check(type(self), is_read=_IS_READ.get()).items():
             given = getattr(self, name)
             if given is field.default:
                 continue
@@ -60,16 +65,25 @@ class DocumentPart(Struct, frozen=True, kw_only=True, metaclass=_Parts):
 
         Raises `DocumentError` with the place of the first fault.
         """
+        reading = _IS_READ.set(True)
         try:
             return convert(fields, cls, str_keys=True)
         except msgspec.ValidationError as error:
             where, reason = _said(error)
             place = f" at {shortened(where.lstrip('.'))}" if where else ""
             raise DocumentError(f"the {noun} is damaged{place}: {shortened(reason)}.") from error
+        finally:
+            _IS_READ.reset(reading)
 
     def fields(self) -> dict[str, Any]:
         """Return all fields as JSON has them, numbers as they are written."""
         return {name: write(getattr(self, own)) for own, name, write in _writers(type(self))}
+
+
+@cache
+def _fields_to_check(kind: type[DocumentPart], *, is_read: bool) -> dict[str, FieldInfo]:
+    every = fields_of(kind)
+    return {name: field for name, field in every.items() if not is_read or reads(field.type)}
 
 
 Document = TypeVar("Document", bound=DocumentPart)
