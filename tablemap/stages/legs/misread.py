@@ -10,7 +10,7 @@ import shapely
 from shapely.geometry import Polygon
 
 from tablemap.errors import ProcessWarning
-from tablemap.geometry import Bools, Floats, Pose2, invert, transform
+from tablemap.geometry import Bools, Floats, Pose2
 from tablemap.stages.snapshots import Snapshot
 
 _BEYOND = 0.008, 0.03  # metres beyond the edge, where a ray meets the top's level
@@ -129,16 +129,9 @@ def _is_nowhere(points: Floats, snapshots: tuple[Snapshot, ...], poses: dict[int
     through = np.zeros(len(points), dtype=np.int64)
     met = np.zeros(len(points), dtype=np.int64)
     for index, pose in poses.items():
-        snapshot = snapshots[index]
-        own = np.column_stack([pose.inverse().apply(points[:, :2]), points[:, 2]])
-        seen = transform(invert(snapshot.base_from_camera), own)
-        ahead = seen[:, 2] > 0.2
-        u, v = np.round(snapshot.camera.project(np.where(ahead[:, None], seen, 1.0)).T).astype(int)
-        ahead &= (u >= 0) & (v >= 0) & (u < snapshot.camera.width) & (v < snapshot.camera.height)
-        depth = np.full(len(points), np.nan)
-        depth[ahead] = snapshot.depth[v[ahead], u[ahead]]
+        away, depth = snapshots[index].depth_at(pose.inverse().apply(points), nearest=0.2)
         with np.errstate(invalid="ignore"):
-            through += depth > seen[:, 2] + _APART
-            met += np.abs(depth - seen[:, 2]) <= _APART
+            through += depth > away + _APART
+            met += np.abs(depth - away) <= _APART
     nowhere = (through >= _LEAST_VIEWS) & (through >= met)
     return bool(nowhere.mean() > _LEAST_SHARE)
