@@ -238,11 +238,12 @@ def _choose(
     tables = [c for c in candidates[1:] if seats_beside(chosen, c)]
     if not ties and not tables:
         return chosen, []
-    message = (
-        f"The table at {_place(chosen)} was chosen; other surfaces are nearly as likely: "
-        f"{_options(ties)}"
-    )
-    if not ties:
+    if ties:
+        message = (
+            f"The table at {_place(chosen)} was chosen; other surfaces are nearly as likely: "
+            f"{_options(ties)}"
+        )
+    else:
         message = (
             f"The surface at {_place(chosen)} was chosen, though it is as small as a seat and a "
             "higher surface lies beside it, as of a table that the camera hardly sees: "
