@@ -117,9 +117,7 @@ def turned_laser(tree: TransformTree, frame: str, given: Mount, found: Mount) ->
         return replace(edge, quaternions=attitudes)
 
     return tree.with_edges(
-        changed(edge) if edge.child == frame else edge
-        for edges in tree.edges.values()
-        for edge in edges
+        changed(edge) if edge.child == frame else edge for edge in tree.all_edges
     )
 
 

@@ -42,8 +42,7 @@ def with_aliases(
         )
     if not edges:
         return tree, []
-    known = (edge for own in tree.edges.values() for edge in own)
-    return tree.with_edges([*known, *edges]), said
+    return tree.with_edges([*tree.all_edges, *edges]), said
 
 
 def _are_namesakes(first: str, second: str) -> bool:

@@ -102,10 +102,15 @@ class TransformTree:
         """Return a tree of other edges, with the limits of this one."""
         return TransformTree(edges, self._limits)
 
+    @property
+    def all_edges(self) -> tuple[TransformEdge, ...]:
+        """The edges of all frames, in one row."""
+        return tuple(edge for edges in self.edges.values() for edge in edges)
+
     @cached_property
     def frames(self) -> tuple[str, ...]:
         """All frames, sorted by name."""
-        parents = {edge.parent for edges in self.edges.values() for edge in edges}
+        parents = {edge.parent for edge in self.all_edges}
         return tuple(sorted(parents | set(self.edges)))
 
     def chain(self, frame: str) -> list[TransformEdge]:

@@ -40,11 +40,7 @@ def held_corrections(
     if not lacking.any() or len(stamps) < 2:
         return tree, []
     held = {id(edge) for edge in corrections}
-    edges = [
-        replace(edge, is_held=True) if id(edge) in held else edge
-        for own in tree.edges.values()
-        for edge in own
-    ]
+    edges = [replace(edge, is_held=True) if id(edge) in held else edge for edge in tree.all_edges]
     first = int(stamps[np.argmax(lacking)])
     missing = float(np.diff(stamps)[lacking[:-1] | lacking[1:]].sum()) / 1e9
     if missing < _NAMED_S:

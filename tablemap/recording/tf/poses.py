@@ -164,7 +164,7 @@ def _carrier(tree: TransformTree, camera: str) -> str:
 
 
 def _with(tree: TransformTree, *edges: TransformEdge) -> TransformTree:
-    return tree.with_edges([*(edge for each in tree.edges.values() for edge in each), *edges])
+    return tree.with_edges([*tree.all_edges, *edges])
 
 
 def _own_name(frame: str) -> str:

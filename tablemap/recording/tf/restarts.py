@@ -71,7 +71,7 @@ def joined_restarts(
     changed = {id(edge): _with_poses(edge, motion)}
     if correction is not None and above is not None:
         changed[id(correction)] = _with_poses(correction, above)
-    mended = [changed.get(id(each), each) for edges in tree.edges.values() for each in edges]
+    mended = [changed.get(id(each), each) for each in tree.all_edges]
     return tree.with_edges(mended), [_warning(edge, found, unknown_s)]
 
 
