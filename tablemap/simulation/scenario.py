@@ -4,23 +4,13 @@ Lengths are metres, angles radians unless the name says ``_deg``; a ``*_sigma`` 
 which the seed draws one value a recording.
 """
 
-import difflib
-import tomllib
-from pathlib import Path
 from typing import Annotated, Literal
 
 from msgspec import Meta
-from msgspec.structs import replace
 
-from tablemap.errors import ConfigError
-from tablemap.files import read_text
-from tablemap.model.documents import DocumentError, DocumentPart
+from tablemap.model.documents import DocumentPart
 from tablemap.model.shape_names import ShapeName, names_of
 from tablemap.model.shapes import SQUARE
-from tablemap.words import known_name
-
-SCENARIOS = Path(__file__).parent / "scenarios"
-SUITES = ("report", "hard", "real_sensors")
 
 Item = Literal["box", "book", "cylinder", "bowl"]
 
@@ -316,122 +306,3 @@ class Scenario(ScenarioSection, frozen=True, kw_only=True):
     laser: Laser = Laser()
     wheels: Wheels = Wheels()
     localisation: Localisation = Localisation()
-
-
-ERRORS = {
-    "table": ("slope_sigma_deg", "sag"),
-    "camera": (
-        "noise",
-        "dropouts",
-        "scale_sigma",
-        "pitch_sigma_deg",
-        "roll_sigma_deg",
-        "mount_sigma",
-        "mount_yaw_sigma_deg",
-        "mount_height_sigma",
-        "focal_sigma",
-        "bend_percent",
-        "bend_growth",
-        "warming_sigma",
-        "dark_depth",
-        "corner_nearer",
-        "flying",
-        "multipath",
-        "lit_deg",
-        "fattening_px",
-        "holes",
-        "salt",
-        "specks",
-        "smoothing_px",
-    ),
-    "head": ("pan_sigma_deg", "tilt_sigma_deg"),
-    "ground": ("lean_sigma_deg", "wave"),
-    "laser": (
-        "noise_sigma",
-        "bias_sigma",
-        "bias_slope_sigma",
-        "scale_sigma",
-        "beam_deg",
-        "mount_sigma",
-        "mount_yaw_sigma_deg",
-        "dropout",
-        "bend_sigma",
-        "dark_sigma",
-    ),
-    "wheels": (
-        "scale_sigma",
-        "yaw_scale_sigma",
-        "noise_per_sqrt_metre",
-        "yaw_noise_deg_per_sqrt_metre",
-    ),
-    "localisation": ("sigma", "yaw_sigma_deg", "wander", "yaw_wander_deg"),
-}
-"""The settings of errors, by section: each is 0 where there is no such error."""
-
-
-def error_names() -> list[str]:
-    """Return all errors as `without` takes them, such as ``camera.bend_percent``."""
-    return [f"{section}.{setting}" for section, settings in ERRORS.items() for setting in settings]
-
-
-def without(scenario: Scenario, *errors: str) -> Scenario:
-    """Return a scenario with these errors switched off; a seed draws all others as before.
-
-    Raises `ConfigError` where there is no such error.
-    """
-    for error in errors:
-        if error not in error_names():
-            raise ConfigError(
-                f"There is no error named {error!r}; there are {', '.join(error_names())}."
-            )
-        name, setting = error.split(".")
-        section = getattr(scenario, name)
-        off = replace(section, **{setting: type(getattr(section, setting))(0)})
-        scenario = replace(scenario, **{name: off})
-    return scenario
-
-
-def scenario_names() -> list[str]:
-    """Return the names of the scenarios that come with the package, sorted."""
-    return sorted(path.stem for path in SCENARIOS.glob("*.toml"))
-
-
-def load_scenario(name_or_path: str | Path) -> Scenario:
-    """Read a scenario by its name, in any case, or from a TOML file.
-
-    Raises `ConfigError` where there is none of that name, or it has unknown or impossible settings.
-    """
-    path = Path(name_or_path)
-    if path.suffix != ".toml":
-        path = SCENARIOS / f"{known_name(str(name_or_path), scenario_names())}.toml"
-        if not path.is_file():
-            near = difflib.get_close_matches(str(name_or_path), scenario_names(), n=1, cutoff=0.0)
-            raise ConfigError(
-                f"there is no scenario {str(name_or_path)!r}; the nearest is {near[0]!r}, and "
-                "`tablemap simulate --list` shows those that there are. A file's name must end "
-                "in .toml."
-            )
-    try:
-        settings = tomllib.loads(read_text(path))
-        return Scenario.read({"name": path.stem, **settings}, "scenario")
-    except OSError as error:
-        raise ConfigError(f"The scenario cannot be read ({error.strerror}): {path}") from error
-    except DocumentError as error:
-        raise ConfigError(f"{str(error).removesuffix('.')}; correct it in {path}") from error
-    except (ValueError, RecursionError) as error:
-        raise ConfigError(f"The scenario is no valid TOML ({error}): {path}") from error
-
-
-def suite(name: str) -> list[str]:
-    """Return the names of the scenarios of a suite, one of `SUITES` or ``all``, each once.
-
-    Raises `ConfigError` where no scenario belongs to it.
-    """
-    if name == "all":
-        return list(dict.fromkeys(each for name in SUITES for each in suite(name)))
-    members = [each for each in scenario_names() if name in load_scenario(each).suites]
-    if not members:
-        raise ConfigError(
-            f"There is no suite named {name!r}; there are {', '.join(SUITES)} and all."
-        )
-    return members

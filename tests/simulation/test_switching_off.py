@@ -9,7 +9,8 @@ import pytest
 
 from tablemap.errors import ConfigError
 from tablemap.simulation import Simulation, error_names, load_scenario, simulate, without
-from tablemap.simulation.scenario import ERRORS, Scenario, ScenarioSection
+from tablemap.simulation.scenario import Scenario, ScenarioSection
+from tablemap.simulation.switching_off import ERRORS
 from tablemap.structs import fields_of
 
 SCENARIO = load_scenario("bent_corners")
