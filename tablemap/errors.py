@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 
 class TablemapError(Exception):
@@ -198,18 +200,60 @@ WARNING_CODES: dict[str, str] = {
 
 
 @dataclass(frozen=True)
+class WarnedPlace:
+    """A line in the fixed frame that a warning is about, or an upright body over it.
+
+    - ``points``: x and y of its corners, metres
+    - ``height``: metres above the floor; None: that of the top
+    - ``bottom``: metres above the floor, where the body begins; None: there is the line alone
+    """
+
+    points: tuple[tuple[float, float], ...]
+    height: float | None = None
+    bottom: float | None = None
+
+    @classmethod
+    def along(cls, points: Iterable[Iterable[float]], *, height: float | None = None) -> Self:
+        """Return a line through points (n, 2), metres."""
+        return cls(tuple((float(x), float(y)) for x, y in points), height)
+
+    @classmethod
+    def ring(cls, points: Iterable[Iterable[float]], *, height: float | None = None) -> Self:
+        """Return a closed line through corners (n, 2), metres."""
+        corners = cls.along(points).points
+        return cls((*corners, *corners[:1]), height)
+
+    @classmethod
+    def about(cls, place: Iterable[float], radius: float, *, height: float | None = None) -> Self:
+        """Return a circle about a place (2,), metres."""
+        x, y = place
+        turns = [2 * math.pi * k / _CIRCLE for k in range(_CIRCLE + 1)]
+        circle = ((x + radius * math.cos(turn), y + radius * math.sin(turn)) for turn in turns)
+        return cls.along(circle, height=height)
+
+    def standing(self) -> Self:
+        """Return the body that stands on the floor and reaches up to the line."""
+        return replace(self, bottom=0.0)
+
+
+_CIRCLE = 24  # sides of the polygon that stands for a circle
+
+
+@dataclass(frozen=True)
 class ProcessWarning:
     """A warning for the reader of a result.
 
     - ``code``: a key of `WARNING_CODES`
     - ``stage``: the stage that gives it
     - ``stamp_ns``: the sensor time that it concerns; None for all of it
+    - ``places``: where it is, for drawings; empty if it is nowhere in particular
     """
 
     code: str
     stage: str
     message: str
     stamp_ns: int | None = None
+    places: tuple[WarnedPlace, ...] = ()
 
     def __post_init__(self) -> None:
         if self.code not in WARNING_CODES:

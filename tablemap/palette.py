@@ -66,6 +66,9 @@ LASER = Ink((110, 170, 250), (47, 95, 168))
 BENT = Ink((200, 130, 95), (122, 62, 20))
 """Where the depth image bends away."""
 
+DOUBT = Ink((185, 245, 40), (84, 106, 0))
+"""What a doubt is about."""
+
 # How the robot moved.
 LOCALISED = Ink((235, 222, 110), (111, 98, 0))
 """As the recording has it: the localisation's poses, and the place that rests on them."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 from mcap.writer import CompressionType, Writer
@@ -149,12 +149,21 @@ def _unpacked(message: RawMessage, limits: LimitsConfig) -> bytes:
         return bytes(message.data)  # reading says so, as of the original
 
 
+def _said(warning: ProcessWarning) -> dict[str, str | int | None]:
+    return {
+        "code": warning.code,
+        "stage": warning.stage,
+        "message": warning.message,
+        "stamp_ns": warning.stamp_ns,
+    }
+
+
 def _write_said(writer: Writer, given: Input, warnings: list[ProcessWarning], time_ns: int) -> None:
     schema = writer.register_schema(SCHEMA, "jsonschema", json.dumps(_SCHEMA).encode())
     channel = writer.register_channel(TOPIC, "json", schema)
     said = {
         "version": __version__,
         "source": [path.name for path in given.paths],
-        "warnings": [asdict(warning) for warning in warnings],
+        "warnings": [_said(warning) for warning in warnings],
     }
     writer.add_message(channel, time_ns, json.dumps(said).encode(), time_ns)

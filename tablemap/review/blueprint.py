@@ -54,6 +54,7 @@ def _overview(scene: DrawnScene) -> rrb.Container:
         "/trajectory/registered" if len(scene.localised) <= FEW_STOPS else "/trajectory/cameras",
         "/story/**",
         "/stop/**",
+        "/doubts/overview/**",
     ]
     for number in scene.tables:
         below = f"/tables/{number:02d}"

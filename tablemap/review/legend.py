@@ -35,6 +35,7 @@ EDGES: Entries = (
     ("no depth", palette.LEFT_OUT.on_dark),
     ("bent depth", palette.BENT.on_dark),
 )
+DOUBTED = ("in doubt", palette.DOUBT.on_dark)
 AGREEMENT: Entries = (
     ("agrees", palette.TRUSTED.on_dark),
     ("off by 10 mm", palette.CAREFUL.on_dark),
@@ -50,10 +51,11 @@ LEGENDS: dict[str, Entries] = {
         ("laser", palette.LASER.on_dark),
         ("on the top", palette.IN_THE_WAY.on_dark),
         ("robot's way", palette.REGISTERED.on_dark),
+        DOUBTED,
     ),
-    "views": (*LABELLED, ("laser", palette.LASER.on_dark)),
+    "views": (*LABELLED, ("laser", palette.LASER.on_dark), DOUBTED),
     "labels": LABELLED,
-    "image": (*SIDES, *EDGES),
+    "image": (*SIDES, *EDGES, DOUBTED),
     "flatness": (
         ("15 mm too low", palette.INSIDE.on_dark),
         ("level", colours.LEVEL),
@@ -65,7 +67,7 @@ LEGENDS: dict[str, Entries] = {
         ("as localised", palette.LOCALISED.on_dark),
         ("by the wheels", palette.WHEELS.on_dark),
     ),
-    "registration": (*AGREEMENT, ("dropped", palette.LEFT_OUT.on_dark)),
+    "registration": (*AGREEMENT, ("dropped", palette.LEFT_OUT.on_dark), DOUBTED),
     "pair": (
         ("target", palette.TEXT.on_dark),
         ("source before ICP", palette.LOCALISED.on_dark),
@@ -85,7 +87,7 @@ LEGENDS: dict[str, Entries] = {
         ("source", palette.TRUSTED.on_dark),
         ("source of a dropped pair", palette.DISTRUSTED.on_dark),
     ),
-    "edges": (*SIDES, *EDGES, ("place in the map, 95 %", palette.LOCALISED.on_dark)),
+    "edges": (*SIDES, *EDGES, ("place in the map, 95 %", palette.LOCALISED.on_dark), DOUBTED),
     "residuals": (
         ("5 mm inside", palette.INSIDE.on_dark),
         ("5 mm outside", palette.OUTSIDE.on_dark),
@@ -97,12 +99,14 @@ LEGENDS: dict[str, Entries] = {
         ("this table", palette.LEFT_OUT.on_dark),
         EDGES[0],
         ("laser", palette.LASER.on_dark),
+        DOUBTED,
     ),
     "legs": (
         *SIDES,
         ("laser", palette.LASER.on_dark),
         ("set aside", palette.LEFT_OUT.on_dark),
         ("model", palette.MODEL.on_dark),
+        DOUBTED,
     ),
 }
 

@@ -44,7 +44,8 @@ def image(scene: DrawnScene, what: str) -> rrb.Spatial2DView:
     """Return a view of the snapshot's depth or colour with edge points and model drawn into it."""
     if what == "colour" and not scene.colour_fits:
         return flat("/camera/colour", "Colour (of another camera)")
-    shown = [f"/camera/{what}", "/camera/edges/**", "/camera/model/**", "/camera/candidates/**"]
+    drawn = ("edges/**", "model/**", "candidates/**", "doubts")
+    shown = [f"/camera/{one}" for one in (what, *drawn)]
     overrides: dict[Any, Any] = {"/camera/edges/image_border": rrb.EntityBehavior(visible=False)}
     for number in scene.tables:
         other = f"/tables/{number:02d}/camera/model/outline"

@@ -83,7 +83,8 @@ def log_failure(stream: Stream, failed: RunFailed, *, found: str) -> None:
     scene.failed, scene.is_modelled = True, False
     stream.hold()
     if failed.stage == CHOICE:
-        stream.rec.log("model", rr.Clear(recursive=True))
+        for drawn in ("model", "doubts"):
+            stream.rec.log(drawn, rr.Clear(recursive=True))
     stream.text("summary", story.failure(failed.stage, failed.message, scene.told or found))
     if stream.config.level != "off":
         stream.say(f"{failed.stage}: {failed.message}", level="ERROR")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import rerun as rr
@@ -14,6 +14,7 @@ from tablemap.geometry import Floats, Pose2, invert, transform
 from tablemap.model import TableLeg, TableModel
 from tablemap.review import colours, digits
 from tablemap.review.clouds import closed, raised
+from tablemap.review.doubted import DoubtLines
 from tablemap.review.images import colour_archetype, depth_archetype
 from tablemap.review.sensors import IMAGE_PLANE, log_images
 from tablemap.review.solid import DRAWN_THICKNESS
@@ -105,8 +106,8 @@ class Projection:
             return
         self.log_candidates(stream, self._found)
         for _, frame in self._in_turn(stream):
-            for part in ("outline", "underside", "legs"):
-                stream.log(f"camera/model/{part}", rr.LineStrips2D([]), frame=frame)
+            for part in ("model/outline", "model/underside", "model/legs", "doubts"):
+                stream.log(f"camera/{part}", rr.LineStrips2D([]), frame=frame)
 
     def log_candidates(self, stream: Stream, candidates: tuple[TableCandidate, ...]) -> None:
         """Log where each image shows the surfaces that could be the table, as localised."""
@@ -141,11 +142,35 @@ class Projection:
                 frame=frame,
             )
 
-    def log_model(self, stream: Stream, model: TableModel) -> None:
-        """Log the model's lines in each camera's image, as if nothing hid them."""
+    def log_model(self, stream: Stream, model: TableModel, doubts: Sequence[DoubtLines]) -> None:
+        """Log the model's lines in each camera's image, as if nothing hid them, and its doubts."""
         self.log_candidates(stream, ())
         self._log_lines(stream, model)
+        if doubts:
+            self._log_doubts(stream, model, doubts)
         self._has_model = True
+
+    def _log_doubts(self, stream: Stream, model: TableModel, doubts: Sequence[DoubtLines]) -> None:
+        for snapshot, frame in self._in_turn(stream):
+            if snapshot.index >= len(model.snapshots):
+                continue
+            pieces = [
+                (one.name, piece)
+                for one in doubts
+                for line in one.lines
+                for piece in in_image(snapshot, base_in_map(model, snapshot), line, dashed=False)
+            ]
+            stream.log(
+                "camera/doubts",
+                rr.LineStrips2D(
+                    [piece for _, piece in pieces],
+                    colors=[palette.DOUBT.on_dark],
+                    radii=rr.Radius.ui_points(LINE),
+                    labels=[name for name, _ in pieces],
+                    show_labels=False,
+                ),
+                frame=frame,
+            )
 
     def take_other(self, stream: Stream, one: OfTable) -> None:
         """Take which view shows most of the edge of a table beside the chosen one."""
@@ -184,14 +209,20 @@ Strips = list[tuple[NDArray[np.float32], str]]
 
 def _lines_in(snapshot: Snapshot, model: TableModel) -> dict[str, Strips]:
     """Return the model's lines in a snapshot's image, by part."""
-    base = model.snapshots[snapshot.index].map_from_base
-    map_from_base = Pose2(base.x, base.y, base.yaw).lifted()
-    map_from_base[2, 3] = model.floor_z
+    pose = base_in_map(model, snapshot)
     drawn: dict[str, Strips] = {"outline": [], "underside": [], "legs": []}
     for part, status, line in model_lines(model):
-        pieces = in_image(snapshot, map_from_base, line, dashed=status != "measured")
+        pieces = in_image(snapshot, pose, line, dashed=status != "measured")
         drawn[part] += [(piece, status) for piece in pieces]
     return drawn
+
+
+def base_in_map(model: TableModel, snapshot: Snapshot) -> Floats:
+    """Return the pose (4, 4) of a snapshot's base on the floor, as the model has it."""
+    base = model.snapshots[snapshot.index].map_from_base
+    pose = Pose2(base.x, base.y, base.yaw).lifted()
+    pose[2, 3] = model.floor_z
+    return pose
 
 
 def _strips(part: str, strips: Strips) -> rr.LineStrips2D:

@@ -17,11 +17,13 @@ from tablemap.review.blueprint import blueprint
 from tablemap.review.closing import Closing
 from tablemap.review.crosscheck import log_cross_check
 from tablemap.review.current import log_localised_stops, log_registered_stops
+from tablemap.review.doubted import Doubted, log_doubts
 from tablemap.review.legend import log_legends
 from tablemap.review.motion import MotionDrawing
 from tablemap.review.naming import Naming
 from tablemap.review.perception import Perception
 from tablemap.review.projection import Projection, edge_points_seen
+from tablemap.review.room import Room
 from tablemap.review.solid import bands, log_model
 from tablemap.review.stream import Stream
 from tablemap.review.tables import Tables
@@ -61,6 +63,8 @@ class Reviewer(Closing):
             TopDrawing(),
         )
         projection, telling, naming = Projection(), Telling(), Naming()
+        self._doubted = Doubted()
+        rooms: dict[str, Room] = {}
 
         def draw_snapshots(stream: Stream, taken: Snapshots) -> None:
             sensors.log_snapshots(stream, taken)
@@ -105,18 +109,23 @@ class Reviewer(Closing):
             projection.bring_to_front(stream, edge_points_seen(outline))
             projection.log_edges(stream, outline)
 
+        def draw_legs(stream: Stream, legs: Legs) -> None:
+            rooms["legs"] = supports.log_legs(stream, legs)
+
         def draw_model(stream: Stream, model: TableModel) -> None:
             room = log_model(
                 stream, model, lines=naming.lines(stream), points=naming.points(stream)
             )
+            doubts = self._doubted.of(model)
             if stream.config.level != "off":
                 telling.end(stream)
                 perception.log_names(stream)
                 alignment.log_names(stream)
                 stream.hold()
-                top.log_names(stream, [line for _, line in bands(model)])
+                rooms["surface"] = top.log_names(stream, [line for _, line in bands(model)])
+                log_doubts(stream, doubts, {**rooms, "overview": room})
             naming.log_beside(stream, room)
-            projection.log_model(stream, model)
+            projection.log_model(stream, model, doubts)
 
         def draw_other(stream: Stream, other: OtherTable) -> None:
             tables.log_outcome(stream, other)
@@ -159,7 +168,7 @@ class Reviewer(Closing):
             Outline: draw_outline,
             Surface: draw_surface,
             CrossCheck: log_cross_check,
-            Legs: supports.log_legs,
+            Legs: draw_legs,
             TableModel: draw_model,
             OfTable: draw_of_table,
             OtherTable: draw_other,
@@ -182,6 +191,7 @@ class Reviewer(Closing):
         if isinstance(result, Recording):
             self._stream.open_recording(result)
         if self._stream.config.level != "off" or isinstance(result, ALWAYS):
+            self._doubted.take(result)
             place(self._stream, result)
             self._warn(result)
         # Every layout stays in the file: what the segmentation adds is shown with the registration,

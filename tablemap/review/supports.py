@@ -23,10 +23,10 @@ LEG_WITHOUT_SIZE = 0.04  # metres
 DOT = 3  # pixels, radius of a drawn point
 
 
-def log_legs(stream: Stream, legs: Legs, *, eye_of: Callable[[DrawnScene], Eye] = legs_eye) -> None:
+def log_legs(stream: Stream, legs: Legs, *, eye_of: Callable[[DrawnScene], Eye] = legs_eye) -> Room:
     """Log the evidence near the table, each leg with its points, and the rejected with reasons.
 
-    ``eye_of`` gives the eye of the view that shows them.
+    ``eye_of`` gives the eye of the view that shows them. Return the room that its picture has left.
     """
     stream.hold()
     stream.text("legs/summary", text.legs(legs))
@@ -43,10 +43,10 @@ def log_legs(stream: Stream, legs: Legs, *, eye_of: Callable[[DrawnScene], Eye] 
     for index, leg in enumerate(legs.legs, start=1):
         _log_leg(stream, index, leg, height)
     _log_rejected(stream, legs.rejected, height)
-    _log_names(stream, legs, height, eye_of(stream.scene))
+    return _log_names(stream, legs, height, eye_of(stream.scene))
 
 
-def _log_names(stream: Stream, legs: Legs, height: float, eye: Eye) -> None:
+def _log_names(stream: Stream, legs: Legs, height: float, eye: Eye) -> Room:
     """Name the legs, and what is none by letters, clear of all points and away from the table."""
     scene, rejected = stream.scene, legs.rejected
     room = Room(eye)
@@ -71,6 +71,7 @@ def _log_names(stream: Stream, legs: Legs, height: float, eye: Eye) -> None:
         if texts:
             placed = room.names(texts, raised(ends, height), away=ends - centre, shown=shown)
             stream.names(f"legs/{path}", placed.places, texts, shown=shown, leaders=placed.leaders)
+    return room
 
 
 def _log_leg(stream: Stream, index: int, leg: Leg, height: float) -> None:

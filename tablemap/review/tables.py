@@ -12,6 +12,7 @@ from tablemap.events import OfTable, OtherTable
 from tablemap.geometry import Pose2
 from tablemap.review import story
 from tablemap.review.crosscheck import log_cross_check
+from tablemap.review.doubted import Doubted, log_doubts
 from tablemap.review.eyes import table_eye
 from tablemap.review.scene import DrawnScene
 from tablemap.review.solid import log_model
@@ -30,7 +31,8 @@ class Tables:
     def __init__(self) -> None:
         self._poses: tuple[Pose2, ...] = ()
         self._scenes: dict[int, DrawnScene] = {}
-        self._places: dict[int, dict[type, Callable[[Stream, Any], None]]] = {}
+        self._places: dict[int, dict[type, Callable[[Stream, Any], Any]]] = {}
+        self._doubted: dict[int, Doubted] = {}
 
     def take_poses(self, poses: tuple[Pose2, ...]) -> None:
         """Take the registered poses, by snapshot index."""
@@ -45,6 +47,7 @@ class Tables:
         place = self._places[one.number].get(type(one.result))
         if place is None:
             raise TypeError(f"{type(one.result).__name__} of another table has no place")
+        self._doubted[one.number].take(one.result)
         with stream.within(entity(one.number), scene):
             place(stream, one.result)
 
@@ -52,7 +55,10 @@ class Tables:
         """Log its model as a solid with dimensions and summary, or why there is none."""
         if not isinstance(other.outcome, str):
             with stream.within(entity(other.number), self._scene(stream, other.number)):
-                log_model(stream, other.outcome, tint=palette.LEFT_OUT.on_dark, eye_of=table_eye)
+                model = other.outcome
+                room = log_model(stream, model, tint=palette.LEFT_OUT.on_dark, eye_of=table_eye)
+                doubts = self._doubted[other.number].of(model)
+                log_doubts(stream, doubts, {"overview": room}, views=("overview",))
             return
         stream.hold()
         page = story.no_other_model(other.number, other.outcome)
@@ -65,6 +71,7 @@ class Tables:
         """Return the scene of a table: its own place and shape, everything else as before."""
         if number not in self._scenes:
             self._scenes[number] = replace(stream.scene, shape="", tables={}, best=None)
+            self._doubted[number] = Doubted()
             top = TopDrawing()
             top.take_poses(self._poses)
             self._places[number] = {

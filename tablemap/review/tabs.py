@@ -29,11 +29,13 @@ def views(scene: DrawnScene) -> rrb.Container:
         "/segmentation/candidates/**",
         "/laser/scan",
         "/robot/**",
+        "/doubts/views/**",
         "- /camera/depth",
         "- /camera/colour",
         "- /camera/edges/**",
         "- /camera/model/**",
         "- /camera/candidates/**",
+        "- /camera/doubts",
     ]
     flatness = rrb.Grid(
         *[
@@ -97,6 +99,7 @@ def registration(scene: DrawnScene) -> rrb.Container:
         "/registration/graph_worst",
         "/registration/graph_at_stop",
         "/stop/**",
+        "/doubts/registration/**",
         stops,
     ]
     all_pairs: Overrides = {"/registration/graph_in_map": rrb.EntityBehavior(visible=False)}
@@ -197,9 +200,15 @@ def surface(scene: DrawnScene) -> rrb.Container:
         "/surface/hull",
         "/surface/beside/**",
         "/model/uncertainty/**",
+        "/doubts/surface/**",
         "- /outline/edges/image_border/**",
     ]
-    fit = ["/surface/residuals", "/surface/candidates/**", "/model/uncertainty/**"]
+    fit = [
+        "/surface/residuals",
+        "/surface/candidates/**",
+        "/model/uncertainty/**",
+        "/doubts/surface/**",
+    ]
     return beside(
         "Surface",
         1.3,
@@ -246,6 +255,7 @@ def surface(scene: DrawnScene) -> rrb.Container:
 def legs(scene: DrawnScene) -> rrb.Container:
     """Return the tab of the legs, and of what was taken for none."""
     shown = ["/legs/**", f"/surface/candidates/{scene.shape}", "/model/legs/**"]
+    shown.append("/doubts/legs/**")
     return beside(
         "Legs",
         1.4,
@@ -267,7 +277,7 @@ def table(number: int, scene: DrawnScene) -> rrb.Container:
     flat = ("candidates/**", "residuals", "unrolled/**", "budget/**", "chosen/names/**")
     shown += [f"- {below}/surface/{one}" for one in flat]
     shown.append(f"- {below}/legs/names/**")
-    shown += [f"- {below}/model/uncertainty/**"]
+    shown += [f"- {below}/model/uncertainty/**", f"{below}/doubts/overview/**"]
     space = seen_from(table_eye(scene), scene, "Table beside the chosen one", shown)
     camera = image_of_table(number, scene)
     told = rrb.Tabs(

@@ -159,13 +159,16 @@ class TopDrawing:
             _log_unrolled(stream, surface)
             _log_histogram(stream, surface.residuals)
 
-    def log_names(self, stream: Stream, bands: Sequence[NDArray[np.floating]] = ()) -> None:
-        """Name the sides outside, clear of their points and of lines (n, 3) such as ``bands``."""
+    def log_names(self, stream: Stream, bands: Sequence[NDArray[np.floating]] = ()) -> Room:
+        """Name the sides outside, clear of their points and of lines (n, 3) such as ``bands``.
+
+        Return the room that the view's picture has left.
+        """
         surface, scene = self._surface, stream.scene
-        if surface is None:
-            return
-        height = scene.height + LIFT
         room = Room(edges_eye(scene))
+        if surface is None:
+            return room
+        height = scene.height + LIFT
         room.take_solid(surface.outline, height, height)
         room.take_points(np.concatenate([np.zeros((0, 3)), *self._edges]), reach=DOT)
         for line in bands:
@@ -189,6 +192,7 @@ class TopDrawing:
             away = middle - np.array(scene.centre or (0.0, 0.0))
             placed = room.names([TOUCHES], raised(middle, height), away=away)
             stream.names("surface/beside/names", placed.places, [TOUCHES], leaders=placed.leaders)
+        return room
 
 
 def _label(number: int, edge: SurfaceEdge) -> str:

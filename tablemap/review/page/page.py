@@ -13,6 +13,7 @@ from tablemap.events import OtherTable, RunFailed
 from tablemap.model import TableModel
 from tablemap.model.summary import doubts, summary_rows
 from tablemap.review import wording
+from tablemap.review.doubted import Doubted, DoubtLines
 from tablemap.review.page.picture import BestView
 from tablemap.review.page.plan import plan
 from tablemap.review.page.plots import histogram, unrolled, variance_bars
@@ -41,6 +42,7 @@ section, tr { break-inside: avoid; } h2 { break-after: avoid; }
 @media print { body { margin: 0; max-width: none; font-size: 11px; } }
 """
     + f"body {{ color: {palette.TEXT.css}; }}\n.muted {{ color: {palette.LEFT_OUT.css}; }}\n"
+    + f".doubt {{ color: {palette.DOUBT.css}; }}\n"
     + "".join(
         f".{name} {{ color: {ink.css}; }}\n"
         for name, ink in {**palette.VERDICT, **palette.STATUS}.items()
@@ -64,10 +66,12 @@ class Page:
         self._failure: RunFailed | None = None
         self._others: list[OtherTable] = []
         self._best = BestView()
+        self._doubted = Doubted()
 
     def __call__(self, result: object) -> None:
         """Take a result or an event of the run."""
         self._best(result)
+        self._doubted.take(result)
         if isinstance(result, TableModel):
             self._model = result
         elif isinstance(result, Surface):
@@ -93,7 +97,7 @@ class Page:
             ]
         else:
             body = [
-                *_model(model, name, self._surface, self._best.svg(model)),
+                *_model(model, name, self._surface, self._best, self._doubted.of(model)),
                 *_beside(self._others),
             ]
             if error:
@@ -136,7 +140,13 @@ def _found(best: BestView) -> Iterable[str]:
     )
 
 
-def _model(model: TableModel, name: str, surface: Surface | None, picture: str) -> Iterable[str]:
+def _model(
+    model: TableModel,
+    name: str,
+    surface: Surface | None,
+    best: BestView,
+    places: list[DoubtLines],
+) -> Iterable[str]:
     verdict = model.verdict
     yield (
         f'<h1>{escape(model.surface.shape.capitalize())}: <span class="{verdict.level}">'
@@ -147,9 +157,10 @@ def _model(model: TableModel, name: str, surface: Surface | None, picture: str) 
         yield "<ul>" + "".join(f"<li>{escape(doubt)}</li>" for doubt in doubts(model)) + "</ul>"
     rows = [row for row in summary_rows(model) if row[0] != "verdict"]
     yield _table((), [(name, text.replace("+-", "±")) for name, text in rows])
+    picture = best.svg(model, places)
     if picture:
         yield f"<section><h2>In the camera's image</h2>{picture}</section>"
-    yield f'<section class="drawn"><h2>From above</h2>{plan(model)}</section>'
+    yield f'<section class="drawn"><h2>From above</h2>{plan(model, places)}</section>'
     drawn = variance_bars(model.surface)
     if drawn:
         yield (f'<section class="drawn"><h2>Where the uncertainty comes from</h2>{drawn}</section>')

@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import base64
 import io
+from collections.abc import Sequence
 
 import numpy as np
 import PIL.Image
 from numpy.typing import NDArray
 
 from tablemap import palette
-from tablemap.geometry import Pose2
 from tablemap.model import TableModel
 from tablemap.recording.messages import CompressedImage
 from tablemap.review.clouds import closed
+from tablemap.review.doubted import DoubtLines
 from tablemap.review.images import JPEG, as_jpeg, colour_size
-from tablemap.review.projection import edge_points_seen, in_image, model_lines, places_apart
+from tablemap.review.projection import (
+    base_in_map,
+    edge_points_seen,
+    in_image,
+    model_lines,
+    places_apart,
+)
 from tablemap.stages.calibration import Calibration
 from tablemap.stages.outline import Outline
 from tablemap.stages.segmentation import Segmentation, TableCandidate, TablesFound
@@ -51,7 +58,7 @@ class BestView:
         elif isinstance(result, (TablesFound, Segmentation)):
             self._found = result.candidates
 
-    def svg(self, model: TableModel) -> str:
+    def svg(self, model: TableModel, doubts: Sequence[DoubtLines] = ()) -> str:
         """Return the picture; nothing where no used view shows the table's edge."""
         seen = {
             index: much
@@ -65,9 +72,9 @@ class BestView:
         return _svg(
             snapshot,
             f"The model in view {best}",
-            _drawn(model, snapshot),
+            _drawn(model, snapshot, doubts),
             "the one that shows most of the edge, with the model as its registered pose has it. "
-            "Dashed: not measured.",
+            f"Dashed: not measured.{DOUBTS_TOLD if doubts else ''}",
         )
 
     def svg_of_found(self) -> str:
@@ -137,16 +144,22 @@ def _is_used(model: TableModel, index: int) -> bool:
     return index < len(model.snapshots) and model.snapshots[index].used
 
 
-def _drawn(model: TableModel, snapshot: Snapshot) -> str:
-    base = model.snapshots[snapshot.index].map_from_base
-    map_from_base = Pose2(base.x, base.y, base.yaw).lifted()
-    map_from_base[2, 3] = model.floor_z
+DOUBTS_TOLD = " Yellow-green: what the doubts are about."
+
+
+def _drawn(model: TableModel, snapshot: Snapshot, doubts: Sequence[DoubtLines]) -> str:
+    pose = base_in_map(model, snapshot)
     parts = []
     for part, status, line in model_lines(model):
         ink = palette.LEFT_OUT if part == "underside" else palette.STATUS[status]
         width = 1 if part == "underside" else 2.5
-        pieces = in_image(snapshot, map_from_base, line, dashed=status != "measured")
+        pieces = in_image(snapshot, pose, line, dashed=status != "measured")
         parts += [_polyline(piece, _css(ink), width) for piece in pieces]
+    for doubt in doubts:
+        for line in doubt.lines:
+            for piece in in_image(snapshot, pose, line, dashed=False):
+                named = _polyline(piece, _css(palette.DOUBT), 2.5)
+                parts.append(f"<g><title>{doubt.name}</title>{named}</g>")
     return "".join(parts)
 
 

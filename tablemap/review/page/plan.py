@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from tablemap import palette
 from tablemap.geometry import Floats, Pose2
 from tablemap.model import Figure, TableLeg, TableModel
 from tablemap.model.shapes import shape_named
+from tablemap.review.doubted import DoubtLines
 from tablemap.review.text import from_one_place, numbered
 from tablemap.review.wording import length
 from tablemap.words import escape
@@ -29,8 +30,11 @@ NUMBER = palette.LEFT_OUT.css
 Pixels = Callable[[Floats], Floats]
 
 
-def plan(model: TableModel) -> str:
-    """Return the SVG in the table's own frame: its length to the right."""
+def plan(model: TableModel, doubts: Sequence[DoubtLines] = ()) -> str:
+    """Return the SVG in the table's own frame: its length to the right.
+
+    ``doubts`` are outlined, with their names.
+    """
     surface = model.surface
     pose = Pose2(surface.pose.x, surface.pose.y, surface.pose.yaw)
     outline = _local(pose, surface.outline)
@@ -72,8 +76,10 @@ def plan(model: TableModel) -> str:
         if views[0] in near:
             used = any(model.snapshots[k].used for k in views)
             parts.append(_stop(numbered(views), near[views[0]], pixels, used=used))
+    parts += _doubts(doubts, pose, pixels)
     parts.append(_axes(pose, scale, height, model.frame))
     left_out = len(stops) - len(near)
+    told = ' <span class="doubt">Yellow-green</span>: what the doubts are about.' if doubts else ""
     note = f" {left_out} stops farther off are not drawn." if left_out else ""
     return (
         f'<svg viewBox="0 0 {WIDTH:.0f} {height:.1f}" width="{WIDTH:.0f}" '
@@ -83,8 +89,26 @@ def plan(model: TableModel) -> str:
         '<span class="inferred">inferred (dashed)</span>, '
         '<span class="unseen">unseen (dotted)</span>. '
         "Grey numbers: the sides and the legs of the tables below. Circles with a line: the stops "
-        f"and their headings, grey where not used.{note}</p>"
+        f"and their headings, grey where not used.{told}{note}</p>"
     )
+
+
+def _doubts(doubts: Sequence[DoubtLines], pose: Pose2, pixels: Pixels) -> list[str]:
+    parts: list[str] = []
+    named: set[str] = set()
+    for doubt in doubts:
+        parts += [
+            f'<polyline points="{_points(pixels(_local(pose, line[:, :2])))}" fill="none" '
+            f'stroke="{palette.DOUBT.css}" stroke-width="2"><title>{doubt.name}</title></polyline>'
+            for line in doubt.lines
+        ]
+        if doubt.name not in named:
+            named.add(doubt.name)
+            # Below the line: above and beside it are the names of sides and dimensions.
+            lowest = max(pixels(_local(pose, doubt.lines[0][:, :2])), key=lambda place: place[1])
+            place = lowest + np.array([0.0, LABEL * (0.2 + len(named))])
+            parts.append(_text(place, doubt.name, palette.DOUBT.css))
+    return parts
 
 
 def _local(pose: Pose2, points: object) -> Floats:

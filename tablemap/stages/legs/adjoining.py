@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from shapely.geometry import LineString, Point, Polygon
 
-from tablemap.errors import ProcessWarning
+from tablemap.errors import ProcessWarning, WarnedPlace
 from tablemap.geometry import Floats, Pose2
 from tablemap.model.outlines import simple_polygon
 from tablemap.stages.legs import Legs, is_standing
@@ -60,7 +60,8 @@ class Adjoining:
             f"at its height and stands on {on}; it was taken for another piece of furniture."
         )
         code = "surface.adjoining" if self.is_seat else "accuracy.adjoining"
-        return ProcessWarning(code, "surface", message)
+        places = (WarnedPlace.ring(self.beside),)
+        return ProcessWarning(code, "surface", message, places=places)
 
 
 def find_adjoining(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy import ndimage
 from shapely.geometry import LinearRing, LineString, Polygon
 from shapely.ops import substring
 
-from tablemap.errors import ProcessWarning
+from tablemap.errors import ProcessWarning, WarnedPlace
 from tablemap.geometry import Bools, Floats, Ints, Pose2
 from tablemap.stages.snapshots import Snapshot
 from tablemap.stages.surface.shapes.shape import extents
@@ -40,9 +41,11 @@ class ClosedBody:
     outline: Floats
     rest: Floats
 
-    @property
-    def warning(self) -> ProcessWarning:
-        """The doubt: where the body stands, and how large the top is without it."""
+    def warning(self, others: Sequence[ClosedBody] = ()) -> ProcessWarning:
+        """Doubt the top: where the body stands, and how large the top is without it.
+
+        ``others`` are drawn with it.
+        """
         x, y = np.asarray(Polygon(self.outline).centroid.coords[0])
         body, rest = extents(self.outline), extents(self.rest)
         message = (
@@ -50,7 +53,8 @@ class ClosedBody:
             f"at ({x:.2f}, {y:.2f}), flush with its edge. If it is a cupboard beside the table, "
             f"the table's own top is only about {rest[0]:.2f} by {rest[1]:.2f} m."
         )
-        return ProcessWarning("accuracy.closed_body", "legs", message)
+        places = tuple(WarnedPlace.ring(one.outline).standing() for one in (self, *others))
+        return ProcessWarning("accuracy.closed_body", "legs", message, places=places)
 
 
 def find_bodies(

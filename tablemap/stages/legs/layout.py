@@ -233,8 +233,11 @@ def is_standing(part: Polygon, places: Floats) -> bool:
     return bool(alone.sum() <= 1)
 
 
-def is_two_tables(frame: Frame, places: Floats) -> bool:
-    """Tell whether a cut between the legs leaves two halves that stand on three legs or more."""
+def two_tables(frame: Frame, places: Floats) -> tuple[Floats, ...]:
+    """Return the halves of a top that each stand on three legs or more; none where no cut does so.
+
+    Each half is an outline (n, 2), metres in the map. The cut is straight and between the legs.
+    """
     local = frame.local(places)
     reach = 2.0 * float(frame.half.max())
     for axis in (0, 1):
@@ -246,5 +249,11 @@ def is_two_tables(frame: Frame, places: Floats) -> bool:
             half = Polygon(frame.surface.pose.apply(np.asarray(shapely.box(*box).exterior.coords)))
             parts = frame.polygon.intersection(half), frame.polygon.difference(half)
             if is_standing(parts[0], places[low]) and is_standing(parts[1], places[~low]):
-                return True
-    return False
+                return tuple(map(_largest_ring, parts))
+    return ()
+
+
+def _largest_ring(part: shapely.Geometry) -> Floats:
+    largest = max(shapely.get_parts(part), key=shapely.area)
+    ring: Floats = shapely.get_coordinates(largest.exterior)[:-1]
+    return ring

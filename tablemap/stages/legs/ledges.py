@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from shapely.geometry import Polygon
 
-from tablemap.errors import ProcessWarning
+from tablemap.errors import ProcessWarning, WarnedPlace
 from tablemap.geometry import Floats, Pose2, transform
 from tablemap.stages.snapshots import Snapshot
 
@@ -58,7 +58,9 @@ def find_ledge(
         "cushion or a board lies on the table, that level is its top; clear the table and record "
         "it again"
     )
-    return ProcessWarning("accuracy.two_levels", "legs", message)
+    ledge = shapely.get_coordinates(outline.buffer(_BESIDE[1], join_style="mitre").exterior)
+    place = WarnedPlace.along(ledge, height=level)
+    return ProcessWarning("accuracy.two_levels", "legs", message, places=(place,))
 
 
 def _points(snapshot: Snapshot, map_from_base: Pose2, height: float) -> Floats:

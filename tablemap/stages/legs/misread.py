@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from shapely.geometry import Polygon
 
-from tablemap.errors import ProcessWarning
+from tablemap.errors import ProcessWarning, WarnedPlace
 from tablemap.geometry import Bools, Floats, Pose2
 from tablemap.stages.snapshots import Snapshot
 
@@ -57,6 +57,7 @@ def find_misread_side(
             f"{lower:.0f} mm lower was seen from across the top, where other views see nothing: a "
             "strip of the top has a wrong depth, as a pattern or a reflection makes it, and the "
             "top reaches as far beyond this side as the strip is wide.",
+            places=(WarnedPlace.along((start, end)),),
         )
     return None
 

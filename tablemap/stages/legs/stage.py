@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from tablemap.config import LegsConfig, SensorsConfig
-from tablemap.errors import ProcessWarning
+from tablemap.errors import ProcessWarning, WarnedPlace
 from tablemap.geometry import Floats, Pose2
 from tablemap.model.outlines import simple_polygon
 from tablemap.recording import Recording
@@ -14,7 +16,7 @@ from tablemap.stages.legs.bodies import find_bodies
 from tablemap.stages.legs.candidates import LegCandidate, find_candidates, judge
 from tablemap.stages.legs.depth import Reach, find_posts, reach
 from tablemap.stages.legs.ends import UpperEnd, upper_end
-from tablemap.stages.legs.layout import Frame, is_two_tables
+from tablemap.stages.legs.layout import Frame, two_tables
 from tablemap.stages.legs.ledges import find_ledge
 from tablemap.stages.legs.misread import find_misread_side
 from tablemap.stages.legs.missing import infer_missing
@@ -117,9 +119,10 @@ def find_legs(
             _warning("legs.inferred", "A leg that no view could see was placed by symmetry.")
         )
     places = np.array([(leg.x, leg.y) for leg in legs if leg.status == "measured"]).reshape(-1, 2)
-    if is_two_tables(frame, places):
+    halves = two_tables(frame, places)
+    if halves:
         message = "The legs stand like those of two tables that were pushed together."
-        warnings.append(_warning("accuracy.two_tables", message))
+        warnings.append(_warning("accuracy.two_tables", message, map(WarnedPlace.ring, halves)))
     bodies = find_bodies(
         snapshots,
         poses,
@@ -127,7 +130,7 @@ def find_legs(
         polygon,
         surface.height.value,
     )
-    warnings += [body.warning for body in bodies[:1]]
+    warnings += [body.warning(bodies[1:]) for body in bodies[:1]]
     ledge = find_ledge(snapshots, poses, polygon, surface.height.value)
     misread = find_misread_side(snapshots, poses, polygon, surface.height.value)
     warnings += [each for each in (ledge, misread) if each is not None]
@@ -165,7 +168,11 @@ def _unsure(candidates: list[LegCandidate]) -> list[ProcessWarning]:
         f"{'a leg' if one else 'legs'}: no view saw {'its' if one else 'their'} upper end. Other "
         f"legs carry the top, so {'it was' if one else 'they were'} left out."
     )
-    return [_warning("accuracy.unsure_legs", message)]
+    places = [WarnedPlace.about(c.place, _MARK).standing() for c in unsure]
+    return [_warning("accuracy.unsure_legs", message, places)]
+
+
+_MARK = 0.08  # metres: radius of a circle about a thing that may be a leg
 
 
 def _usable_scans(
@@ -211,5 +218,5 @@ def _usable_scans(
     return scans
 
 
-def _warning(code: str, message: str) -> ProcessWarning:
-    return ProcessWarning(code, "legs", message)
+def _warning(code: str, message: str, places: Iterable[WarnedPlace] = ()) -> ProcessWarning:
+    return ProcessWarning(code, "legs", message, places=tuple(places))

@@ -8,7 +8,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from tablemap.config import RegistrationConfig, SensorsConfig
-from tablemap.errors import EstimationError, ProcessWarning
+from tablemap.errors import EstimationError, ProcessWarning, WarnedPlace
 from tablemap.events import Record
 from tablemap.geometry import Floats, Pose2
 from tablemap.recording import Recording
@@ -30,6 +30,7 @@ _DEPTH_EXCESS = 2.0
 _SWEEP_ROUNDS = 5
 _LOST, _LOST_SHARE = 0.3, 1 / 3  # metres, and share of views: a localisation that is lost
 _WANDERS = 0.10  # metres: a localisation that spreads further is worth a warning
+_MARK = 0.15  # metres: radius of a circle about a view that is not used
 
 
 def register(
@@ -240,11 +241,14 @@ def _doubts(
     localised: Floats,
 ) -> list[ProcessWarning]:
     warnings = []
-    for check, snapshot in zip(solution.checks, snapshots, strict=True):
+    for check, snapshot, pose in zip(solution.checks, snapshots, poses, strict=True):
         if not check.passed and check.statistics:
             message = f"snapshot {check.index} is not used: {'; '.join(check.reasons)}"
             code = "accuracy.registration_failed"
-            warnings.append(ProcessWarning(code, "registration", message, snapshot.stamp_ns))
+            places = (WarnedPlace.about((pose.x, pose.y), _MARK, height=0.0),)
+            warnings.append(
+                ProcessWarning(code, "registration", message, snapshot.stamp_ns, places)
+            )
     apart = np.array([pose.as_array()[:2] for pose in poses]) - localised[:, :2]
     off = np.linalg.norm(apart, axis=1)
     spread, far = float(np.median(off)), int(np.sum(off > _LOST))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,8 +51,9 @@ class Height:
     """A height in metres with its standard deviation, and the views' own planes by snapshot index.
 
     ``scatter`` is the standard deviation between views, metres. ``other_level`` is the height of a
-    second level, a little lower, that may be the top instead; None if there is none. ``elsewhere``
-    has the heights in the views whose surface at the table's place is at another one.
+    second level, a little lower, that may be the top instead; None if there is none.
+    ``other_outline`` (n, 2), metres in the map, has what was seen of it. ``elsewhere`` has the
+    heights in the views whose surface at the table's place is at another one.
     """
 
     value: float
@@ -59,6 +61,7 @@ class Height:
     planes: dict[int, Plane]
     scatter: float
     other_level: float | None = None
+    other_outline: Floats | None = None
     elsewhere: tuple[float, ...] = ()
 
 
@@ -128,7 +131,13 @@ def joint_height(
     floor = float(np.median(noise)) / np.sqrt(max(blocks / BLOCK_PX**2, 1.0)) if noise else 0.0
     between = scatter / np.sqrt(max(effective - 1.0, 1.0))
     return Height(
-        value, float(np.hypot(between, floor)), planes, scatter, level.other, tuple(elsewhere)
+        value=value,
+        sigma=float(np.hypot(between, floor)),
+        planes=planes,
+        scatter=scatter,
+        other_level=level.other,
+        other_outline=level.other_outline,
+        elsewhere=tuple(elsewhere),
     )
 
 
@@ -183,6 +192,7 @@ class _Level:
     height: float
     clear: float = SEARCH_M
     other: float | None = None
+    other_outline: Floats | None = None
 
 
 def _lowest_level(
@@ -222,7 +232,11 @@ def _lowest_level(
             return _Level(low, 0.5 * (high - low))
         if low < mode - _LEVEL_M and _is_within(views, samples, places, low):
             doubtful = low
-    return _Level(mode, other=doubtful)
+    if doubtful is None:
+        return _Level(mode)
+    within = [(v, near & place) for v, near, place in zip(views, samples, places, strict=True)]
+    outline = shapely.get_coordinates(convex(_places_at(within, doubtful)))
+    return _Level(mode, other=doubtful, other_outline=outline)
 
 
 def shows_both(shares: Floats, low: int, high: int) -> bool:
@@ -246,12 +260,7 @@ def _is_round(seen: list[tuple[SampledView, Bools]], low: float, high: float) ->
     """
     extents, levels = [], []
     for height in (low, high):
-        places = []
-        for view, near in seen:
-            level = _at(view, near, height)
-            few = view.points[level][:: max(1, int(level.sum()) // 500), :2]
-            places.append(view.snapshot.map_from_base.apply(few.astype(np.float64)))
-        points = np.concatenate(places)
+        points = _places_at(seen, height)
         if not len(points):
             return False
         levels.append(points)
@@ -260,6 +269,16 @@ def _is_round(seen: list[tuple[SampledView, Bools]], low: float, high: float) ->
     if lower.buffer(_ROUND_M).intersection(upper).area <= _ROUND_SHARE * upper.area:
         return False
     return _gaps(levels[0] - shapely.get_coordinates(upper.centroid)) < 2
+
+
+def _places_at(seen: Sequence[tuple[SampledView, Bools]], height: float) -> Floats:
+    """Return places (n, 2) in the map of some pixels of a level, as localised."""
+    places = []
+    for view, near in seen:
+        level = _at(view, near, height)
+        few = view.points[level][:: max(1, int(level.sum()) // 500), :2]
+        places.append(view.snapshot.map_from_base.apply(few.astype(np.float64)))
+    return np.concatenate(places)
 
 
 def _gaps(places: Floats) -> int:

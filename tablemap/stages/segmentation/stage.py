@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from tablemap.config import SegmentationConfig, SensorsConfig
-from tablemap.errors import EstimationError, ProcessWarning
+from tablemap.errors import EstimationError, ProcessWarning, WarnedPlace
 from tablemap.events import Record, ignore
 from tablemap.stages.segmentation.candidates import STRIDE_PX, rank_tables, seats_beside
 from tablemap.stages.segmentation.height import Height, Plane, joint_height
@@ -128,7 +128,7 @@ def _second_choice(
         f"gave no table ({failure}); the one at {_place(other)}, {other.height:.2f} m high, was "
         "taken"
     )
-    return ProcessWarning("accuracy.second_choice", "segmentation", message)
+    return ProcessWarning("accuracy.second_choice", "segmentation", message, places=_hulls(chosen))
 
 
 def _levelled(
@@ -189,7 +189,14 @@ def _hardly(chosen: TableCandidate) -> list[ProcessWarning]:
     if not chosen.is_closed:
         return []
     message = f"The chosen surface at {_place(chosen)} is probably no table: {chosen.reason}"
-    return [ProcessWarning("accuracy.hardly_table", "segmentation", message)]
+    return [ProcessWarning("accuracy.hardly_table", "segmentation", message, places=_hulls(chosen))]
+
+
+def _hulls(*candidates: TableCandidate) -> tuple[WarnedPlace, ...]:
+    """Return the outlines of candidates at their heights."""
+    return tuple(
+        WarnedPlace.ring(one.hull, height=one.height) for one in candidates if len(one.hull)
+    )
 
 
 def segment_again(
@@ -282,5 +289,7 @@ def _doubts(height: Height) -> list[ProcessWarning]:
             "mm lower; if a tray or a cloth covers most of the table, that one is its top; clear "
             "the table and record it again"
         )
-        found.append(ProcessWarning("accuracy.two_levels", "segmentation", message))
+        seen = height.other_outline
+        places = () if seen is None else (WarnedPlace.along(seen, height=height.other_level),)
+        found.append(ProcessWarning("accuracy.two_levels", "segmentation", message, places=places))
     return found

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from tablemap.config import SurfaceConfig
-from tablemap.geometry import Floats
+from tablemap.geometry import Bools, Floats
 from tablemap.robust import mad_sigma
 from tablemap.stages.surface.evidence import Evidence
 from tablemap.stages.surface.joint import JointFit
@@ -104,7 +104,7 @@ def criterion(fit: JointFit, evidence: Evidence, config: SurfaceConfig) -> Crite
     return Criterion(
         misfit=fit.data_cost / fit.noise.kappa + fit.prior_cost,
         penalty=len(fit.shape.parameters) * float(np.log(effective))
-        + config.cell_cost * contradicting_cells(fit.shape.outline(), evidence, config)
+        + config.cell_cost * len(contradicting_cells(fit.shape.outline(), evidence, config))
         + config.symmetry_cost * fit.shape.record.broken_symmetries,
     )
 
@@ -118,16 +118,17 @@ def dispersion_of(fit: JointFit) -> float:
     return max(fit.data_cost / max(len(fit.distance), 1), 1.0)
 
 
-def contradicting_cells(outline: Floats, evidence: Evidence, config: SurfaceConfig) -> int:
-    """Count cells seen as top beyond the outline, or seen through within it."""
+def contradicting_cells(outline: Floats, evidence: Evidence, config: SurfaceConfig) -> Floats:
+    """Return the cells (n, 2) seen as top beyond the outline, or seen through within it."""
     margin = max(config.cell_margin, 2.0 * evidence.pose_sigma)
     region = shapely.Polygon(outline)
     shapely.prepare(region)
     # Most cells of the top lie inside, most others outside: their distances do not matter.
     outside = evidence.top[~shapely.contains_xy(region, evidence.top)]
     inside = evidence.free[shapely.contains_xy(region, evidence.free)]
-    wrong = shapely.points(np.concatenate([outside, inside]))
-    return int((~shapely.dwithin(region.exterior, wrong, margin)).sum())
+    wrong = np.concatenate([outside, inside])
+    is_far: Bools = ~shapely.dwithin(region.exterior, shapely.points(wrong), margin)
+    return wrong[is_far]
 
 
 def weights(costs: list[float]) -> list[float]:

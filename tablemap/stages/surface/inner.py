@@ -19,10 +19,14 @@ _WIDEST = 0.025  # metres across a line of edge points, as their spread
 
 @dataclass(frozen=True)
 class InnerEdge:
-    """A line of ``points`` edge points inside of the outline, ``length`` metres long."""
+    """A line of ``points`` edge points inside of the outline, ``length`` metres long.
+
+    ``ends`` are the places of its two ends, metres as the points are.
+    """
 
     length: float
     points: int
+    ends: tuple[tuple[float, float], tuple[float, float]]
 
 
 def inner_edges(points: Floats, corners: Floats, config: SurfaceConfig) -> list[InnerEdge]:
@@ -43,10 +47,13 @@ def inner_edges(points: Floats, corners: Floats, config: SurfaceConfig) -> list[
         mine = inside[label == which]
         if len(mine) < config.inner_points:
             continue
-        centred = mine - mine.mean(axis=0)
+        middle = mine.mean(axis=0)
+        centred = mine - middle
         _, axes = np.linalg.eigh(centred.T @ centred)
         across, along = (centred @ axes).T
         length = float(np.ptp(along))
         if length >= config.inner_length and float(np.std(across)) < _WIDEST:
-            found.append(InnerEdge(length, len(mine)))
+            ends = middle + np.outer([along.min(), along.max()], axes[:, 1])
+            (x0, y0), (x1, y1) = ends.tolist()
+            found.append(InnerEdge(length, len(mine), ((x0, y0), (x1, y1))))
     return sorted(found, key=lambda edge: (-edge.length, -edge.points))

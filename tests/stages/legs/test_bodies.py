@@ -6,7 +6,9 @@ import re
 
 import numpy as np
 import pytest
+from shapely import Polygon
 
+from tablemap.errors import ProcessWarning
 from tests.making.leg_scenes import ROOM, TABLE, Scene, legs_of
 
 Sides = tuple[float, ...]
@@ -24,11 +26,11 @@ def _scene(boxes: list[Sides], *, length: float = 1.6, width: float = 0.8) -> Sc
     return scene
 
 
-def _doubt(scene: Scene, **settings: object) -> str | None:
-    """Return the message of the doubt, None without one."""
+def _doubt(scene: Scene, **settings: object) -> ProcessWarning | None:
+    """Return the doubt, None without one."""
     found = [w for w in legs_of(scene, **settings).warnings if w.code == "accuracy.closed_body"]
     assert len(found) < 2
-    return found[0].message if found else None
+    return found[0] if found else None
 
 
 def _sizes(message: str) -> list[tuple[float, float]]:
@@ -49,11 +51,17 @@ def _sizes(message: str) -> list[tuple[float, float]]:
 def test_a_cupboard_of_the_tables_height_is_doubted(
     body: Sides, top: tuple[float, float], own: tuple[float, float], laser: bool
 ) -> None:
-    """The doubt says how large the body is, and how large the top is without it."""
+    """The doubt says how large the body is, where, and how large the top is without it."""
     scene = _scene([body], length=top[0], width=top[1])
-    message = _doubt(scene, with_depth=True, laser=laser)
-    assert message is not None
-    found = _sizes(message)
+    doubt = _doubt(scene, with_depth=True, laser=laser)
+    assert doubt is not None
+    (place,) = doubt.places
+    x, y, *sides = body
+    half = np.array(sides) / 2 * [[1, 1], [-1, 1], [-1, -1], [1, -1]]
+    stands, told = Polygon(TABLE.apply(half + np.array([x, y]))), Polygon(place.points)
+    assert told.intersection(stands).area > 0.85 * told.union(stands).area
+    assert place.bottom == 0.0
+    found = _sizes(doubt.message)
     assert found[0] == pytest.approx(sorted(body[2:], reverse=True), abs=0.05)
     assert found[1] == pytest.approx(own, abs=0.05)
 

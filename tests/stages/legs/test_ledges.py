@@ -23,12 +23,16 @@ def test_only_a_level_all_round_is_doubted(name: str) -> None:
     scene.boxes = [(*TABLE.apply(np.array([x, y])), *sides[:2], TABLE.yaw, *sides[2:])]
     scene.circles = [(*place, 0.025) for place in four(scene)]
     found = [
-        warning.message
+        warning
         for warning in legs_of(scene, with_depth=True).warnings
         if warning.code == "accuracy.two_levels"
     ]
     assert len(found) == expected
     if expected:
         lower = 1000 * (scene.height - sides[-1])
-        said = float(found[0].split(" mm lower")[0].split()[-1])
+        said = float(found[0].message.split(" mm lower")[0].split()[-1])
         assert said == pytest.approx(lower, abs=5)
+        (place,) = found[0].places
+        assert place.height == pytest.approx(sides[-1], abs=0.005)
+        spread = np.ptp(TABLE.inverse().apply(np.array(place.points)), axis=0)
+        assert spread == pytest.approx(sides[:2], abs=0.08)

@@ -7,7 +7,7 @@ import pytest
 from shapely.geometry import Polygon
 
 from tablemap.geometry import Pose2
-from tablemap.stages.legs.layout import Frame, is_two_tables
+from tablemap.stages.legs.layout import Frame, two_tables
 from tests.making.leg_scenes import Scene, surface_of
 
 PAIRS = {
@@ -27,5 +27,5 @@ def test_legs_tell_two_tables_from_one(name: str) -> None:
     surface = surface_of(scene, {})
     frame = Frame(surface, Polygon(surface.outline))
     local = np.array([(x - length / 2, y - width / 2) for x in along for y in across])
-    assert is_two_tables(frame, scene.table.apply(local)) is expected
-    assert not is_two_tables(frame, scene.table.apply(local)[:2])
+    assert bool(two_tables(frame, scene.table.apply(local))) is expected
+    assert not two_tables(frame, scene.table.apply(local)[:2])

@@ -161,6 +161,11 @@ def test_a_tray_that_leaves_only_one_end_of_the_top_is_doubted() -> None:
     (doubt,) = laden.warnings
     assert doubt.code == "accuracy.two_levels"
     assert "12 mm lower" in doubt.message
+    (place,) = doubt.places
+    assert place.height == pytest.approx(0.45, abs=0.002)
+    bare_end = shapely.box(1.08, 0.25, 1.25, 0.75)
+    assert shapely.Polygon(place.points).intersection(bare_end).area > 0.8 * bare_end.area
+    assert np.mean(np.array(place.points)[:, 0]) > 1.05
 
 
 def test_leaves_that_lie_lower_at_both_ends_are_doubted() -> None:

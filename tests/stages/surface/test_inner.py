@@ -19,6 +19,7 @@ def test_a_row_of_edge_points_inside_is_a_line() -> None:
     (edge,) = inner_edges(np.vstack([rim, gap]), SQUARE, CONFIG)
     assert edge.points == 40
     assert abs(edge.length - 1.1) < 0.02
+    assert np.allclose(sorted(edge.ends), [[0.1, 0.8], [1.2, 0.8]], atol=0.02)
 
 
 def test_scattered_points_and_short_rows_are_no_line() -> None:
