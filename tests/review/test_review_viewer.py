@@ -22,7 +22,7 @@ from tablemap.archive.manifest import Manifest
 from tablemap.errors import ExternalToolError, TablemapError
 from tablemap.review.page.page import Page
 from tablemap.review.viewer import viewer
-from tablemap.review.viewer.still import TABS, _headless, _shoot, _show_tab, still
+from tablemap.review.viewer.still import TABS, _headless, _shoot, _show_tab, _smaller, still
 from tests.making import made_up_run as made_up
 from tests.making.reviews import write
 
@@ -229,3 +229,18 @@ def drawn(shown: Any) -> NDArray[np.float64]:
         previous = picture
         time.sleep(1.0)
     raise AssertionError(f"nothing was drawn within {DRAWN_SECONDS} s")
+
+
+def test_a_picture_keeps_the_colours_of_small_things() -> None:
+    """A legend's dots among many shades of a large image have nearly their own colours."""
+    rows, columns = np.mgrid[0:400, 0:600]
+    shades = np.stack([rows / 2, columns / 3, (rows + columns) / 4], axis=-1).astype(np.uint8)
+    dots = {20: (185, 245, 40), 60: (255, 105, 100), 100: (235, 70, 255)}
+    for at, colour in dots.items():
+        shades[at : at + 5, at : at + 5] = colour
+    buffer = io.BytesIO()
+    PIL.Image.fromarray(shades).save(buffer, format="PNG")
+    with PIL.Image.open(io.BytesIO(_smaller(buffer.getvalue()))) as image:
+        few = np.asarray(image.convert("RGB"), dtype=int)
+    for at, colour in dots.items():
+        assert np.abs(few[at + 2, at + 2] - colour).max() <= 25
