@@ -69,6 +69,9 @@ BENT = Ink((200, 130, 95), (122, 62, 20))
 DOUBT = Ink((185, 245, 40), (84, 106, 0))
 """What a doubt is about."""
 
+MENDED = Ink((235, 70, 255), (130, 30, 150))
+"""Single pixels of a depth image that were lost or wrong, and took the depth round them."""
+
 # How the robot moved.
 LOCALISED = Ink((235, 222, 110), (111, 98, 0))
 """As the recording has it: the localisation's poses, and the place that rests on them."""

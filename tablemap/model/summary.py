@@ -24,9 +24,9 @@ def summary_rows(model: TableModel) -> list[tuple[str, str]]:
     rows.append(("height", length(surface.height)))
     if surface.thickness:
         rows.append(("thickness", length(surface.thickness)))
-    place = f"({pose.x:.3f}, {pose.y:.3f}) m +- {1000 * sigma_xy:.0f} mm"
+    place = f"({pose.x:z.3f}, {pose.y:z.3f}) m +- {1000 * sigma_xy:.0f} mm"
     if has_heading(model):
-        place += f", yaw {math.degrees(pose.yaw):.2f} +- {sigma_yaw:.2f} deg"
+        place += f", yaw {math.degrees(pose.yaw):z.2f} +- {sigma_yaw:.2f} deg"
     rows.append((f"place in {model.frame}", place))
     rows.append(("legs", _legs(model)))
     used = sum(snapshot.used for snapshot in model.snapshots)
@@ -65,7 +65,7 @@ def line(model: TableModel) -> str:
         f"{figure.value:.3f}" for name, figure in surface.dimensions.items() if not is_angle(name)
     ]
     size = f" {' x '.join(lengths)} m" if lengths else ""
-    place = f"at ({surface.pose.x:.2f}, {surface.pose.y:.2f})"
+    place = f"at ({surface.pose.x:z.2f}, {surface.pose.y:z.2f})"
     return f"{surface.shape}{size}, {surface.height.value:.3f} m high, {place}, {judged(model)}"
 
 

@@ -16,6 +16,7 @@ from tablemap.review.current import camera_of_stop
 from tablemap.review.eyes import stops_eye
 from tablemap.review.matrix import log_matrix, tints, told
 from tablemap.review.motion import log_correction, log_trajectory
+from tablemap.review.numbering import from_one_place, numbered
 from tablemap.review.pairs import PairDrawing
 from tablemap.review.room import LOW, Room
 from tablemap.review.scene import FEW_STOPS
@@ -223,8 +224,8 @@ def _log_way_of_cameras(stream: Stream, registration: Registration) -> None:
 def base_labels(poses: Sequence[Pose2]) -> list[str]:
     """Return the numbers of the stops; one that shares its place with others stays without."""
     labels = [""] * len(poses)
-    for views in text.from_one_place(poses):
-        labels[views[0]] = text.numbered(views)
+    for views in from_one_place(poses):
+        labels[views[0]] = numbered(views)
     return labels
 
 

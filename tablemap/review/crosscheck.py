@@ -28,9 +28,9 @@ def summary(result: CrossCheck) -> str:
     return "\n".join(
         [
             title,
-            f"{compared} They put the camera {1e3 * x:.1f} mm (sigma {1e3 * sigma[0]:.1f}) "
-            f"forward, {1e3 * y:.1f} mm (sigma {1e3 * sigma[1]:.1f}) left and "
-            f"{np.degrees(yaw):.2f} degrees (sigma {np.degrees(sigma[2]):.2f}) turned from where "
+            f"{compared} They put the camera {1e3 * x:z.1f} mm (sigma {1e3 * sigma[0]:.1f}) "
+            f"forward, {1e3 * y:z.1f} mm (sigma {1e3 * sigma[1]:.1f}) left and "
+            f"{np.degrees(yaw):z.2f} degrees (sigma {np.degrees(sigma[2]):.2f}) turned from where "
             f"TF has it: at the table {1e3 * result.at_table[0]:.1f} mm forward and "
             f"{1e3 * result.at_table[1]:.1f} mm left.",
             *[

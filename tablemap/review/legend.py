@@ -55,7 +55,7 @@ LEGENDS: dict[str, Entries] = {
     ),
     "views": (*LABELLED, ("laser", palette.LASER.on_dark), DOUBTED),
     "labels": LABELLED,
-    "image": (*SIDES, *EDGES, DOUBTED),
+    "image": (*SIDES, *EDGES, DOUBTED, ("mended", palette.MENDED.on_dark)),
     "flatness": (
         ("15 mm too low", palette.INSIDE.on_dark),
         ("level", colours.LEVEL),

@@ -38,12 +38,12 @@ def told(warnings: Iterable[ProcessWarning]) -> list[str]:
 
 def metres(value: float, sigma: float | None) -> str:
     """Write a length with its standard deviation, or say that there is none."""
-    return f"{value:.3f} m" + (f" ± {1000 * sigma:.1f} mm" if sigma is not None else "")
+    return f"{value:z.3f} m" + (f" ± {1000 * sigma:.1f} mm" if sigma is not None else "")
 
 
 def figure(name: str, value: float, sigma: float | None) -> str:
     """Write a dimension by its name: an angle in degrees, all else in metres."""
     if is_angle(name):
         spread = f" ± {np.degrees(sigma):.2f}°" if sigma is not None else ""
-        return f"{np.degrees(value):.2f}°{spread}"
+        return f"{np.degrees(value):z.2f}°{spread}"
     return metres(value, sigma)

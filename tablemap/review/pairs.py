@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from tablemap import palette
 from tablemap.geometry import Floats, Pose2
-from tablemap.review import text
 from tablemap.review.room import Eye, Room
 from tablemap.review.stream import Stream
 from tablemap.stages.registration import Pair, PairIteration, PairStarted
@@ -83,7 +82,7 @@ class PairDrawing:
         _log_at_stops(stream, keys, named, self._sequences, poses)
         shown = [key for key in keys[: config.aligned_pairs] if max(key) < len(poses)]
         if shown:
-            stream.text("registration/pairs/summary", text.aligned(len(shown), len(keys)))
+            stream.text("registration/pairs/summary", aligned(len(shown), len(keys)))
             self._lay_out(stream, shown, named, poses)
         self._sequences = {}
 
@@ -183,7 +182,7 @@ def _log_pair(
         ("after", moved.apply(sequence.source), _tint(pair)),
     ):
         room.take_points(_log_cloud(stream, entity, points, tint))
-    name = text.pair_told(key, pair)
+    name = pair_told(key, pair)
     place = room.place(name, np.array(eye.target), away=np.array([0.0, -1.0]))
     stream.names("registration/pair_at_stop/names", [place], [name])
 
@@ -265,3 +264,23 @@ def _plot(stream: Stream, key: Key, sequence: _Sequence, tint: palette.Colour) -
 
 def _name(key: Key) -> str:
     return f"{key[0]:02d}_to_{key[1]:02d}"
+
+
+def aligned(shown: int, pairs: int) -> str:
+    """Return the explanation of the view of aligned pairs."""
+    return (
+        "*Worst pair of the stop*: of the snapshot at the cursor, in the "
+        "map; on the timeline `iteration` the worst of all. *All pairs*: "
+        f"{shown} of {pairs} pairs, the dropped and the worst first, each in a cell of its own and "
+        "lying as its target does in the map; beside few names stands the RMSE. On the timeline "
+        "`iteration` the sources move from where ICP began (0) to where it ended; on the others "
+        "they are as they ended."
+    )
+
+
+def pair_told(key: tuple[int, int], pair: Pair | None) -> str:
+    """Return the name of the pair that is shown alone."""
+    name = f"{key[0]} to {key[1]}"
+    if pair is None:
+        return name
+    return f"{name}: rmse {1000 * pair.rmse:.1f} mm" + ("" if pair.used else f", {pair.reason}")

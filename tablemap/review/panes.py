@@ -46,6 +46,8 @@ def image(scene: DrawnScene, what: str) -> rrb.Spatial2DView:
         return flat("/camera/colour", "Colour (of another camera)")
     drawn = ("edges/**", "model/**", "candidates/**", "doubts")
     shown = [f"/camera/{one}" for one in (what, *drawn)]
+    if what == "depth" and scene.is_mended:
+        shown.append("/camera/mended")
     overrides: dict[Any, Any] = {"/camera/edges/image_border": rrb.EntityBehavior(visible=False)}
     for number in scene.tables:
         other = f"/tables/{number:02d}/camera/model/outline"

@@ -239,7 +239,8 @@ class Perception:
 
     def _log_candidates(self, stream: Stream, segmentation: Segmentation) -> None:
         stream.hold()
-        stream.text("segmentation/summary", text.segmentation(segmentation))
+        mended = {one.index: one.mended_share for one in self._snapshots}
+        stream.text("segmentation/summary", text.segmentation(segmentation, mended))
         for one in segmentation.candidates:
             if one.chosen:
                 stream.scene.centre = (one.x, one.y)

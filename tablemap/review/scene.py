@@ -35,6 +35,7 @@ class DrawnScene:
     - ``is_modelled``: whether the chosen table's model is there
     - ``localised_way``: the drive as localised
     - ``has_laser``: whether odometry drew scans
+    - ``is_mended``: whether single bad pixels of a depth image were mended
     - ``has_labels``: whether views were labelled
     - ``flatness``: ``floor`` and ``top``, where heights over the image were drawn
     - ``told``: the current stage's text on its result
@@ -61,6 +62,7 @@ class DrawnScene:
     is_modelled: bool = False
     has_laser: bool = False
     has_labels: bool = False
+    is_mended: bool = False
     flatness: set[str] = field(default_factory=set)
     has_colour: bool = False
     colour_fits: bool = True

@@ -34,6 +34,7 @@ ENTITIES = {
     "/camera/edges/*": "Points2D by kind where they were found in the image, one row a snapshot",
     "/camera/candidates": "LineStrips2D in the image: surfaces found; empty once there is a model",
     "/camera/doubts": "LineStrips2D in the image: what the model's doubts are about",
+    "/camera/mended": "SegmentationImage, one a snapshot: 1 where a single bad pixel was mended",
     "/camera/model/*": "LineStrips2D in the image: outline, underside, legs; dashed: not measured",
     "/laser/scan": "Points3D in the laser frame: the scan nearest to the snapshot",
     "/trajectory/*": "LineStrips3D of the base: localised, wheels, odometry, registered",

@@ -120,6 +120,7 @@ def log_images(stream: Stream, snapshot: Snapshot) -> None:
     _log_pinhole(stream, names, k, (height, width))
     depth = depth_archetype(snapshot.depth_message, snapshot.depth)
     stream.log("camera/depth", depth, frame=plane)
+    _log_mended(stream, snapshot, plane)
     message = snapshot.colour_message
     if message is None:
         return
@@ -137,6 +138,20 @@ def log_images(stream: Stream, snapshot: Snapshot) -> None:
         stream.log("camera/colour", colour, frame=plane)
     else:
         stream.log_flat("camera/colour", colour)
+
+
+def _log_mended(stream: Stream, snapshot: Snapshot, plane: str) -> None:
+    """Mark the mended pixels: the depth image is shown as it was recorded."""
+    mended = snapshot.mended
+    if mended is None:
+        if not stream.scene.is_mended:
+            return
+        mended = np.zeros(snapshot.depth.shape, dtype=bool)  # those of the view before would stay
+    elif not stream.scene.is_mended:
+        stream.scene.is_mended = True
+        clear, marked = (0, "as recorded", (0, 0, 0, 0)), (1, "mended", palette.MENDED.on_dark)
+        stream.rec.log("camera/mended", rr.AnnotationContext([clear, marked]), static=True)
+    stream.log("camera/mended", rr.SegmentationImage(mended.astype(np.uint8)), frame=plane)
 
 
 def log_set_aside(stream: Stream, one: SetAside) -> None:

@@ -51,7 +51,7 @@ def model(result: TableModel, *, magnified: tuple[float, float]) -> str:
         f"**Pose** in `{result.frame}`: x {metres(pose.x, float(deviations[0]))}, "
         f"y {metres(pose.y, float(deviations[1]))}"
         + (
-            f", yaw {np.degrees(pose.yaw):.2f} ± {np.degrees(float(deviations[2])):.2f}°"
+            f", yaw {np.degrees(pose.yaw):z.2f} ± {np.degrees(float(deviations[2])):.2f}°"
             if has_heading(result)
             else ""
         ),
@@ -72,7 +72,7 @@ def model(result: TableModel, *, magnified: tuple[float, float]) -> str:
                 [
                     (
                         f"{k} {leg.shape}",
-                        f"{leg.x:.3f}, {leg.y:.3f}"
+                        f"{leg.x:z.3f}, {leg.y:z.3f}"
                         + (f" ± {leg.position_sigma:.3f}" if leg.position_sigma else ""),
                         " x ".join(f"{1000 * one.value:.0f}" for one in leg.dimensions.values()),
                         leg.status,

@@ -13,12 +13,14 @@ from tablemap.model.shapes import shape_named
 from tablemap.review import colours, text
 from tablemap.review.clouds import closed, raised
 from tablemap.review.eyes import legs_eye
+from tablemap.review.numbering import letter
 from tablemap.review.room import Eye, Room
 from tablemap.review.scene import DrawnScene
 from tablemap.review.stream import Stream
 from tablemap.stages.legs import Leg, Legs, RejectedCluster
 
 MOST_LETTERS = 12
+"""Of the clusters with the most points; the others have theirs on hovering."""
 LEG_WITHOUT_SIZE = 0.04  # metres
 DOT = 3  # pixels, radius of a drawn point
 
@@ -58,19 +60,16 @@ def _log_names(stream: Stream, legs: Legs, height: float, eye: Eye) -> Room:
     room.take_points(np.concatenate([raised(points, height) for points in drawn]), reach=DOT)
     feet = np.array([(leg.x, leg.y) for leg in legs.legs]).reshape(-1, 2)
     places = np.array([(one.x, one.y) for one in rejected]).reshape(-1, 2)
+    largest = sorted(range(len(rejected)), key=lambda k: -len(rejected[k].points))
+    lettered = sorted(largest[:MOST_LETTERS])
     centre = np.array(scene.centre or np.concatenate([feet, places, np.zeros((1, 2))]).mean(axis=0))
-    for path, texts, ends, shown in (
-        ("names", [_named(k, leg) for k, leg in enumerate(legs.legs, start=1)], feet, True),
-        (
-            "rejected/names",
-            [text.letter(k) for k in range(len(rejected))],
-            places,
-            len(rejected) <= MOST_LETTERS,
-        ),
+    for path, texts, ends in (
+        ("names", [_named(k, leg) for k, leg in enumerate(legs.legs, start=1)], feet),
+        ("rejected/names", [letter(k) for k in lettered], places[lettered]),
     ):
         if texts:
-            placed = room.names(texts, raised(ends, height), away=ends - centre, shown=shown)
-            stream.names(f"legs/{path}", placed.places, texts, shown=shown, leaders=placed.leaders)
+            placed = room.names(texts, raised(ends, height), away=ends - centre)
+            stream.names(f"legs/{path}", placed.places, texts, leaders=placed.leaders)
     return room
 
 
@@ -132,6 +131,6 @@ def _log_rejected(stream: Stream, rejected: tuple[RejectedCluster, ...], height:
     stream.names(
         "legs/rejected/reasons",
         [(one.x, one.y, height + 0.05) for one in rejected],
-        [f"{text.letter(k)}: {one.reason}" for k, one in enumerate(rejected)],
+        [f"{letter(k)}: {one.reason}" for k, one in enumerate(rejected)],
         shown=False,
     )

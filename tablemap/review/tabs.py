@@ -36,6 +36,7 @@ def views(scene: DrawnScene) -> rrb.Container:
         "- /camera/model/**",
         "- /camera/candidates/**",
         "- /camera/doubts",
+        "- /camera/mended",
     ]
     flatness = rrb.Grid(
         *[

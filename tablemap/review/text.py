@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
-from itertools import pairwise
-from string import ascii_lowercase
+from types import MappingProxyType
 
 import numpy as np
 
 from tablemap.errors import ProcessWarning
-from tablemap.geometry import Pose2
 from tablemap.review import wording
 from tablemap.review.markdown import MOST_ROWS, figure, links, metres, table, told
+from tablemap.review.numbering import letter
 from tablemap.stages.calibration import Calibration
 from tablemap.stages.legs import Legs
 from tablemap.stages.odometry import Odometry
@@ -28,7 +27,10 @@ LEGEND = (
     "Sides are numbered; beside them lie their 95 % bands, in the middle that of the place, "
     "magnified as the summary says."
 )
-SAME_PLACE_M = 0.02
+MENDED = (
+    "Mended pixels were lost or wrong by themselves and took the depth round them; the depth image "
+    "marks them."
+)
 
 
 def snapshots(result: Snapshots) -> str:
@@ -36,8 +38,8 @@ def snapshots(result: Snapshots) -> str:
     rows = [
         (
             one.index,
-            f"{one.map_from_base.x:.2f}, {one.map_from_base.y:.2f}",
-            f"{np.degrees(one.map_from_base.yaw):.0f}°",
+            f"{one.map_from_base.x:z.2f}, {one.map_from_base.y:z.2f}",
+            f"{np.degrees(one.map_from_base.yaw):z.0f}°",
             one.images,
         )
         for one in result.snapshots[:MOST_ROWS]
@@ -46,7 +48,7 @@ def snapshots(result: Snapshots) -> str:
     return "\n".join(
         [
             f"## {counted(len(result.snapshots), 'snapshot')}",
-            table(("snapshot", "x, y as localised", "heading", "images"), rows),
+            table(("snapshot", "x, y as localised (m)", "heading", "images"), rows),
             "",
             f"- {result.camera}",
             *[f"- {count} {what} set aside: {why}" for (what, why), count in aside.most_common(9)],
@@ -82,10 +84,10 @@ def calibration(result: Calibration, recorded: Iterable[ProcessWarning] = ()) ->
             table(
                 ("correction", "value"),
                 [
-                    ("roll", f"{np.degrees(result.roll):.3f} ± {np.degrees(sigmas[0]):.3f}°"),
-                    ("pitch", f"{np.degrees(result.pitch):.3f} ± {np.degrees(sigmas[1]):.3f}°"),
+                    ("roll", f"{np.degrees(result.roll):z.3f} ± {np.degrees(sigmas[0]):.3f}°"),
+                    ("pitch", f"{np.degrees(result.pitch):z.3f} ± {np.degrees(sigmas[1]):.3f}°"),
                     ("depth scale", f"{result.depth_scale:.5f} ± {sigmas[2]:.5f}"),
-                    ("height", f"{1000 * result.height_correction:.1f} mm"),
+                    ("height", f"{1000 * result.height_correction:z.1f} mm"),
                     ("depth bends", f"{100 * result.adjustment.size:.0f} % of what is usual"),
                     ("views' own tilt", f"{np.degrees(own[:2].max()):.2f}° rms"),
                     ("views' own height", f"{1000 * own[2]:.1f} mm rms"),
@@ -103,7 +105,7 @@ def candidates(found: tuple[TableCandidate, ...]) -> str:
     rows = [
         (
             f"{k}{' (chosen)' if one.chosen else ''}",
-            f"{one.x:.2f}, {one.y:.2f}",
+            f"{one.x:z.2f}, {one.y:z.2f}",
             f"{one.height:.3f}",
             f"{one.area:.2f}",
             len(one.views),
@@ -113,7 +115,7 @@ def candidates(found: tuple[TableCandidate, ...]) -> str:
     ]
     return "\n".join(
         [
-            table(("table", "x, y", "height", "m²", "views", "weight"), rows),
+            table(("table", "x, y (m)", "height (m)", "m²", "views", "weight"), rows),
             "",
             *[
                 f"- table {k} was not taken: {one.reason}"
@@ -124,14 +126,19 @@ def candidates(found: tuple[TableCandidate, ...]) -> str:
     )
 
 
-def segmentation(result: Segmentation) -> str:
-    """Return the candidate tables and the views' verdicts."""
+def segmentation(result: Segmentation, mended: Mapping[int, float] = MappingProxyType({})) -> str:
+    """Return the candidate tables and the views' verdicts.
+
+    ``mended`` are the shares of mended pixels, by view.
+    """
+    is_mended = any(mended.values())
     views = [
         (
             view.index,
             "yes" if view.sees_table else "no",
             view.top_pixels,
             "" if view.height is None else f"{view.height:.3f}",
+            *([f"{100 * mended.get(view.index, 0.0):.1f} %"] if is_mended else []),
         )
         for view in result.views[:MOST_ROWS]
     ]
@@ -151,8 +158,9 @@ def segmentation(result: Segmentation) -> str:
             "",
             candidates(result.candidates),
             "",
-            table(("view", "sees it", "top pixels", "height"), views),
+            table(("view", "sees it", "top pixels", "height (m)", *["mended"] * is_mended), views),
             "",
+            *[f"{MENDED}\n"] * is_mended,
             *[
                 f"- view {one.index}: {one.reason}"
                 for one in result.views[:MOST_ROWS]
@@ -170,7 +178,7 @@ def refused(result: TableRefused, found: tuple[TableCandidate, ...]) -> str:
     return "\n".join(
         [
             "## The surface gave no table",
-            f"{name} at {one.x:.2f}, {one.y:.2f}, {one.height:.2f} m high; the labels are those "
+            f"{name} at {one.x:z.2f}, {one.y:z.2f}, {one.height:.2f} m high; the labels are those "
             "of this surface.",
             "",
             *[
@@ -250,8 +258,8 @@ def registration(result: Registration) -> str:
         [
             f"## Stops registered by {result.source}",
             *told(result.warnings),
-            f"{sum(result.used)} of {len(result.used)} used; systematic sigma "
-            f"{1000 * result.systematic:.1f} mm. Pairs: {said or 'none'}. Lines, and the "
+            f"{sum(result.used)} of {counted(len(result.used), 'stop')} registered; systematic "
+            f"sigma {1000 * result.systematic:.1f} mm. Pairs: {said or 'none'}. Lines, and the "
             "dots of the matrix, show how well the registered poses agree with the pairs; grey: "
             "dropped. The matrix has the stops on its diagonal, each with the mean of its pairs. "
             "*Off by* is how far the registered poses lie from what "
@@ -275,38 +283,6 @@ def registration(result: Registration) -> str:
             *[_checked(one) for one in checks],
         ]
     )
-
-
-def aligned(shown: int, pairs: int) -> str:
-    """Return the explanation of the view of aligned pairs."""
-    return (
-        "*Worst pair of the stop*: of the snapshot at the cursor, in the "
-        "map; on the timeline `iteration` the worst of all. *All pairs*: "
-        f"{shown} of {pairs} pairs, the dropped and the worst first, each in a cell of its own and "
-        "lying as its target does in the map; beside few names stands the RMSE. On the timeline "
-        "`iteration` the sources move from where ICP began (0) to where it ended; on the others "
-        "they are as they ended."
-    )
-
-
-def pair_told(key: tuple[int, int], pair: Pair | None) -> str:
-    """Return the name of the pair that is shown alone."""
-    name = f"{key[0]} to {key[1]}"
-    if pair is None:
-        return name
-    return f"{name}: rmse {1000 * pair.rmse:.1f} mm" + ("" if pair.used else f", {pair.reason}")
-
-
-def from_one_place(bases: Sequence[Pose2]) -> list[range]:
-    """Return runs of views from one place of the base: those of a head that turned."""
-    steps = [np.linalg.norm(b.translation - a.translation) for a, b in pairwise(bases)]
-    starts = [k for k in range(len(bases)) if k == 0 or steps[k - 1] >= SAME_PLACE_M]
-    return [range(a, b) for a, b in pairwise([*starts, len(bases)])]
-
-
-def numbered(views: range) -> str:
-    """Return the numbers of views from one place, as one label."""
-    return str(views[0]) if len(views) == 1 else f"{views[0]}-{views[-1]}"
 
 
 def outline(result: Outline) -> str:
@@ -379,10 +355,11 @@ def surface(result: Surface) -> str:
 
 def legs(result: Legs) -> str:
     """Return the legs and the rejected clusters."""
+    columns = ("leg", "x, y (m)", "sigma", "size", "status", "stops and drives")
     found = [
         (
             f"{k} {one.shape}",
-            f"{one.x:.3f}, {one.y:.3f}",
+            f"{one.x:z.3f}, {one.y:z.3f}",
             wording.spread(one.position_sigma),
             wording.sizes(one.dimensions),
             one.status,
@@ -391,7 +368,7 @@ def legs(result: Legs) -> str:
         for k, one in enumerate(result.legs, start=1)
     ]
     rejected = [
-        f"- {letter(k)}: at {one.x:.2f}, {one.y:.2f} ({len(one.points)} points): {one.reason}"
+        f"- {letter(k)}: at {one.x:z.2f}, {one.y:z.2f} ({len(one.points)} points): {one.reason}"
         for k, one in enumerate(result.rejected[:MOST_ROWS])
     ]
     return "\n".join(
@@ -399,15 +376,9 @@ def legs(result: Legs) -> str:
             f"## {counted(len(result.legs), 'leg')}",
             *told(result.warnings),
             *[f"{links(legs='legs/names', points='legs/evidence')}\n" for _ in found[:1]],
-            table(("leg", "x, y", "sigma", "size", "status", "views"), found) if found else "",
+            table(columns, found) if found else "",
             "",
             f"## {counted(len(result.rejected), 'cluster')} set aside",
             *rejected,
         ]
     )
-
-
-def letter(number: int) -> str:
-    """Return a cluster's letters, as a spreadsheet's columns have them: a to z, aa, ab."""
-    more, last = divmod(number, len(ascii_lowercase))
-    return (letter(more - 1) if more else "") + ascii_lowercase[last]

@@ -248,7 +248,8 @@ def _log_unrolled(stream: Stream, surface: Surface) -> None:
         "surface/unrolled/labels",
         [(-32.0, -scale * mark - LABEL_DROP) for mark in marks]
         + [(PLOT_WIDTH / 2, PLOT_HEIGHT + 10.0)],
-        [f"{mark:+.0f} mm" for mark in marks] + [f"once round the outline, {ring.length:.2f} m"],
+        [f"{mark:+.0f} mm" if mark else "0 mm" for mark in marks]
+        + [f"once round the outline, {ring.length:.2f} m"],
     )
     corners = shapely.line_locate_point(ring, shapely.points(surface.outline)) / ring.length
     if len(corners) <= MOST_CORNERS:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -15,7 +16,9 @@ from tablemap.events import StageFinished, StageStarted
 from tablemap.model import TableModel
 from tablemap.review.alignment import WORST_PAIRS
 from tablemap.review.matrix import CELL
-from tablemap.review.text import letter, pair_residual, worst_first
+from tablemap.review.numbering import letter
+from tablemap.review.text import pair_residual, worst_first
+from tablemap.stages.legs import Legs, RejectedCluster
 from tablemap.stages.odometry import OdometryMap, OdometryScan
 from tablemap.stages.registration import Registration
 from tests.making import made_up_run as made_up
@@ -189,6 +192,17 @@ def test_stages_of_other_tables_leave_the_summary(run: list[object], tmp_path: P
     model = run[kept - 1]
     assert isinstance(model, TableModel)
     assert f": {model.verdict.level}" in pages[-1]
+
+
+def test_of_many_clusters_the_largest_have_letters(tmp_path: Path) -> None:
+    """The list beside the view names all; the view has room for a dozen, not for none."""
+    run = made_up.results(stops=4)
+    few = [np.full((points, 2), 0.01 * points) for points in range(5, 20)]
+    many = tuple(RejectedCluster(one[0, 0], 0.0, one, "too far out") for one in few)
+    crowded = [replace(one, rejected=many) if isinstance(one, Legs) else one for one in run]
+    path = write(tmp_path / "many" / "run.rrd", crowded)
+    (shown,) = columns(path, "/legs/rejected/names", "Points3D:labels")[-1:]
+    assert shown == [letter(k) for k in range(3, 15)]
 
 
 def test_letters_go_on_after_z() -> None:

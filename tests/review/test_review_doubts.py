@@ -8,15 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from msgspec import structs
 
 from tablemap.errors import ProcessWarning, WarnedPlace
-from tablemap.events import OfTable, OtherTable
-from tablemap.model import TableModel, WarningEntry
+from tablemap.model import TableModel
 from tablemap.review.doubted import Doubted
-from tablemap.stages.legs import Legs
-from tablemap.stages.surface import Surface
 from tests.making import made_up_run as made_up
+from tests.making.marked_run import doubted
 from tests.making.reviews import columns, page, write
 
 SQUARE = np.array([[1.4, -0.5], [1.6, -0.5], [1.6, -0.3], [1.4, -0.3]])
@@ -39,31 +36,6 @@ LEVEL = ProcessWarning(
     places=(WarnedPlace.ring(SQUARE, height=0.5),),
 )
 TABLE = "/tables/01"
-
-
-def doubted(
-    run: list[object], *said: ProcessWarning, kept: tuple[ProcessWarning, ...] | None = None
-) -> list[object]:
-    """A run whose stages give these warnings, and whose models have those that are ``kept``."""
-    entries = tuple(
-        WarningEntry(code=w.code, stage=w.stage, message=w.message, stamp_ns=None)
-        for w in (said if kept is None else kept)
-    )
-
-    def changed(one: object) -> object:
-        if isinstance(one, Legs):
-            return replace(one, warnings=tuple(w for w in said if w.stage == "legs"))
-        if isinstance(one, Surface):
-            return replace(one, warnings=tuple(w for w in said if w.stage == "surface"))
-        if isinstance(one, TableModel):
-            return structs.replace(one, warnings=entries)
-        if isinstance(one, OfTable):
-            return OfTable(one.number, changed(one.result))
-        if isinstance(one, OtherTable) and isinstance(one.outcome, TableModel):
-            return OtherTable(one.number, structs.replace(one.outcome, warnings=entries))
-        return one
-
-    return [changed(one) for one in run]
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from msgspec import structs
 from rerun.chunk import RrdReader
 
 from tablemap.config import ReviewConfig
-from tablemap.errors import ProcessWarning, TablemapError
+from tablemap.errors import ProcessWarning, TablemapError, WarnedPlace
 from tablemap.events import OfTable, OtherTable, RunFailed, StageFinished, StageStarted
 from tablemap.model import TableModel, WarningEntry
 from tablemap.pipeline import STAGES
@@ -29,6 +29,7 @@ from tablemap.stages.segmentation import Segmentation, TableRefused
 from tablemap.stages.surface import Surface
 from tests.making import made_up_run as made_up
 from tests.making import reviews
+from tests.making.marked_run import doubted, mended
 from tests.making.reviews import columns, eye_of, eye_of_first_view, write
 
 STOPS = 8
@@ -157,8 +158,11 @@ def pattern(path: str) -> re.Pattern[str]:
     return re.compile("/".join(parts.get(one, re.escape(one)) for one in path.split("/")))
 
 
-def test_the_schema_has_every_entity(review: Path) -> None:
+def test_the_schema_has_every_entity(run: list[object], tmp_path: Path) -> None:
     """What is logged is described, and what is described is logged; the file says so itself."""
+    place = WarnedPlace.about((made_up.TABLE.x, made_up.TABLE.y), 0.1)
+    doubt = ProcessWarning("accuracy.unsure_legs", "legs", "a leg or none", places=(place,))
+    review = write(tmp_path / "run.rrd", mended(doubted(run, doubt), view=1))
     found = [path for path in rows(review) if not path.startswith("/__properties")]
     unsaid = [p for p in found if not any(pattern(one).fullmatch(p) for one in ENTITIES)]
     assert unsaid == []

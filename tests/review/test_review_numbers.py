@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec import structs
 from rerun.chunk import RrdReader
 
 from tablemap.errors import ProcessWarning
@@ -172,3 +173,17 @@ def test_residuals_are_told_alike(run: list[object]) -> None:
     far = np.concatenate([surface.residuals, [0.4, -0.5]])
     assert wording.residuals(far).startswith(said.split(". ")[0])
     assert "2 more are 30 mm" in wording.residuals(far)
+
+
+def test_a_small_negative_figure_is_no_minus_zero(model: TableModel) -> None:
+    """What rounds to nought has no sign, in the shell and in the panes."""
+    tiny = -1e-9
+    pose = structs.replace(model.surface.pose, x=tiny, y=tiny, yaw=tiny)
+    at_nought = structs.replace(model, surface=structs.replace(model.surface, pose=pose))
+    told = [
+        story.model(at_nought, magnified=(1.0, 1.0)),
+        *[value for _, value in summary_rows(at_nought)],
+        metres(tiny, 0.001),
+    ]
+    for one in told:
+        assert not re.search(r"-0\.0+(?![0-9])", one)

@@ -129,7 +129,7 @@ def _found(best: BestView) -> Iterable[str]:
         [
             (
                 k,
-                f"{one.x:.2f}, {one.y:.2f}",
+                f"{one.x:z.2f}, {one.y:z.2f}",
                 f"{one.height:.3f} m",
                 f"{one.area:.2f} m²",
                 len(one.views),
@@ -190,7 +190,7 @@ def _model(
             [
                 (
                     f"{k} {leg.shape}",
-                    f"{leg.x:.3f}, {leg.y:.3f}",
+                    f"{leg.x:z.3f}, {leg.y:z.3f}",
                     wording.spread(leg.position_sigma),
                     wording.sizes(leg.dimensions),
                     leg.status,
@@ -204,8 +204,8 @@ def _model(
         [
             (
                 k,
-                f"{one.map_from_base.x:.3f}, {one.map_from_base.y:.3f}",
-                f"{math.degrees(one.map_from_base.yaw):.1f}°",
+                f"{one.map_from_base.x:z.3f}, {one.map_from_base.y:z.3f}",
+                f"{math.degrees(one.map_from_base.yaw):z.1f}°",
                 wording.spread(None if one.sigma is None else one.sigma.xy),
                 "yes" if one.used else one.reason or "no",
             )
@@ -241,7 +241,7 @@ def _other(model: TableModel) -> tuple[str, ...]:
     sizes = " x ".join(f"{size.value:.3f}" for size in surface.dimensions.values())
     return (
         model.verdict.level,
-        f"{surface.pose.x:.3f}, {surface.pose.y:.3f}",
+        f"{surface.pose.x:z.3f}, {surface.pose.y:z.3f}",
         f"{surface.height.value:.3f} m",
         "; ".join([f"{surface.shape} {sizes}", *doubts(model)]),
     )

@@ -12,7 +12,7 @@ from tablemap.geometry import Floats, Pose2
 from tablemap.model import Figure, TableLeg, TableModel
 from tablemap.model.shapes import shape_named
 from tablemap.review.doubted import DoubtLines
-from tablemap.review.text import from_one_place, numbered
+from tablemap.review.numbering import from_one_place, numbered
 from tablemap.review.wording import length
 from tablemap.words import escape
 

@@ -40,7 +40,7 @@ def unrolled(surface: Surface) -> str:
         corners = "".join(f"M{place:.1f} 10V{HEIGHT - 10:.1f}" for place in places)
     marks = "".join(
         f'<path d="M{LEFT:.0f} {_height(m):.1f}H{WIDTH:.0f}" stroke="#ddd"/>'
-        f'<text x="{LEFT - 6:.0f}" y="{_height(m) + 4:.1f}" text-anchor="end">{m:+d} mm</text>'
+        f'<text x="{LEFT - 6:.0f}" y="{_height(m) + 4:.1f}" text-anchor="end">{_mark(m)}</text>'
         for m in MARKS_MM
     )
     return _svg(
@@ -72,7 +72,7 @@ def histogram(residuals: Floats) -> str:
     )
     labels = "".join(
         f'<text x="{LEFT + (WIDTH - LEFT) * (m / LIMIT_MM + 1) / 2:.1f}" '
-        f'y="{HEIGHT / 2 + 16:.0f}" text-anchor="middle">{m:+d} mm</text>'
+        f'y="{HEIGHT / 2 + 16:.0f}" text-anchor="middle">{_mark(m)}</text>'
         for m in MARKS_MM
     )
     return (
@@ -110,6 +110,10 @@ def variance_bars(surface: BudgetedTop) -> str:
                     f'text-anchor="middle" fill="white">{one.label}</text>'
                 )
     return _svg("Where each figure's variance comes from", 12 + tall * len(drawn), content)
+
+
+def _mark(millimetres: int) -> str:
+    return f"{millimetres:+d} mm" if millimetres else "0 mm"
 
 
 def _height(millimetres: float | Floats) -> Floats:

@@ -75,6 +75,14 @@ def mended(depth: NDArray[np.float32], noise: DepthNoise) -> NDArray[np.float32]
     return result
 
 
+def changed(recorded: NDArray[np.float32], depth: NDArray[np.float32]) -> Bools | None:
+    """Return which pixels (height, width) of a recorded image `mended` changed; None for none."""
+    if depth is recorded:
+        return None
+    is_other: Bools = (depth != recorded) & (np.isfinite(depth) | np.isfinite(recorded))
+    return is_other
+
+
 def _usual_share(depth: NDArray[np.float32], bad: Bools) -> float:
     """Return the share of ``bad`` pixels (height, width) that all but a few parts of an image have.
 

@@ -82,6 +82,8 @@ class Snapshot:
     - ``localised_sigma``: (3,) standard deviations of ``map_from_base`` as recorded, x and y in
       metres, yaw in radians; None if the localisation recorded none
     - ``recorded_noise``: of the depth as it was recorded; None if it is to be told by ``depth``
+    - ``mended``: (height, width) bool, the single pixels that took the depth round them, or lost a
+      wrong one; None where there are none
     """
 
     index: int
@@ -99,11 +101,17 @@ class Snapshot:
     base_z: float = 0.0
     localised_sigma: Floats | None = None
     recorded_noise: DepthNoise | None = None
+    mended: Bools | None = None
 
     @cached_property
     def noise(self) -> DepthNoise:
         """The noise of the depth image: as recorded, for a correction hardly changes it."""
         return self.recorded_noise or depth_noise(self.depth)
+
+    @property
+    def mended_share(self) -> float:
+        """The share of the image's pixels that were mended."""
+        return 0.0 if self.mended is None else float(self.mended.mean())
 
     def points_in_base(self) -> Floats:
         """Return (height, width, 3) float64 points in the base, NaN where depth is missing."""

@@ -15,7 +15,7 @@ from tablemap.stages.snapshots.camera_kind import looked_at, seen_camera
 from tablemap.stages.snapshots.combining import combine
 from tablemap.stages.snapshots.directions import by_direction, planar_pose, same_mount, views_at
 from tablemap.stages.snapshots.grounding import on_the_ground
-from tablemap.stages.snapshots.mending import mended
+from tablemap.stages.snapshots.mending import changed, mended
 from tablemap.stages.snapshots.noise import depth_noise
 from tablemap.stages.snapshots.own_body import without_own_body
 from tablemap.stages.snapshots.result import (
@@ -255,6 +255,7 @@ def _decode(
                 base_z=float(fixed_from_base[2, 3]),
                 localised_sigma=recording.localised_sigma(middle.stamp_ns),
                 recorded_noise=noise if depth is recorded else None,
+                mended=changed(recorded, depth),
             )
         )
 

@@ -111,3 +111,15 @@ def test_pixels_that_are_lost_in_places_stay_lost() -> None:
     rng = np.random.default_rng(4)
     depth[:80][rng.random((80, 320)) < np.linspace(0.6, 0.0, 80)[:, None]] = np.nan
     assert np.array_equal(mended(depth), depth, equal_nan=True)
+
+
+def test_what_was_mended_is_known() -> None:
+    """The pixels that came back, and the wrong ones; an image left as it was has none."""
+    depth, _ = scene()
+    lost = np.random.default_rng(1).random(depth.shape) < 0.2
+    recorded = np.where(lost, np.float32(np.nan), depth)
+    result = mended(recorded)
+    marked = mending.changed(recorded, result)
+    assert marked is not None
+    assert np.array_equal(marked, lost & np.isfinite(result))
+    assert mending.changed(depth, mended(depth)) is None
