@@ -84,6 +84,7 @@ ENTITIES = {
     "/surface/crosscheck": "TextDocument: camera against laser",
     "/surface/hull": "LineStrips3D",
     "/surface/beside": "LineStrips3D: what touches the table at its height and was taken off",
+    "/surface/candidates": "Clear: of an earlier fit's",
     "/surface/candidates/*": "LineStrips3D by shape",
     "/surface/chosen": "LineStrips3D: sides coloured by status",
     "/surface/residuals": "Points3D: edge points, violet inside to orange outside",

@@ -70,7 +70,7 @@ class Tables:
     def _scene(self, stream: Stream, number: int) -> DrawnScene:
         """Return the scene of a table: its own place and shape, everything else as before."""
         if number not in self._scenes:
-            self._scenes[number] = replace(stream.scene, shape="", tables={}, best=None)
+            self._scenes[number] = replace(stream.scene, chosen="", tables={}, best=None)
             self._doubted[number] = Doubted()
             top = TopDrawing()
             top.take_poses(self._poses)

@@ -255,8 +255,9 @@ def surface(scene: DrawnScene) -> rrb.Container:
 
 def legs(scene: DrawnScene) -> rrb.Container:
     """Return the tab of the legs, and of what was taken for none."""
-    shown = ["/legs/**", f"/surface/candidates/{scene.shape}", "/model/legs/**"]
-    shown.append("/doubts/legs/**")
+    shown = ["/legs/**", "/model/legs/**", "/doubts/legs/**"]
+    if scene.chosen:
+        shown.append(f"/{scene.chosen}")
     return beside(
         "Legs",
         1.4,

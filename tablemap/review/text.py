@@ -311,17 +311,19 @@ def outline(result: Outline) -> str:
 
 def surface(result: Surface) -> str:
     """Return the candidates by score, and the sides by status."""
+    names = wording.candidate_names(result.candidates)
+    named = zip(names, result.candidates, strict=True)
     candidates = [
         (
-            one.shape + (" (chosen)" if one.shape == result.shape else ""),
+            name + (" (chosen)" if name == names[0] else ""),
             f"{one.score:.3f}",
             f"{one.cost:.1f}",
             f"{100 * one.inlier_fraction:.0f} %",
             ", ".join(
-                f"{name} {figure(name, size.value, None)}" for name, size in one.dimensions.items()
+                f"{key} {figure(key, size.value, None)}" for key, size in one.dimensions.items()
             ),
         )
-        for one in sorted(result.candidates, key=lambda one: -one.score)
+        for name, one in sorted(named, key=lambda each: -each[1].score)
     ]
     sides = [
         (

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tablemap import palette
 from tablemap.geometry import Floats, Pose2
-from tablemap.review import colours, text
+from tablemap.review import colours, text, wording
 from tablemap.review.budget import bars
 from tablemap.review.clouds import closed, raised, thinned
 from tablemap.review.eyes import edges_eye
@@ -98,7 +98,7 @@ class TopDrawing:
     def log_surface(self, stream: Stream, surface: Surface) -> None:
         """Log hull, candidates with their scores, and the chosen shape with its residuals."""
         scene = stream.scene
-        scene.height, scene.shape = scene.floor_z + surface.height.value, surface.shape
+        scene.height = scene.floor_z + surface.height.value
         scene.outline = surface.outline
         if len(surface.outline):
             scene.centre, scene.yaw = (surface.pose.x, surface.pose.y), surface.pose.yaw
@@ -127,12 +127,16 @@ class TopDrawing:
                 ),
             )
         _log_budget(stream, surface)
-        for one in surface.candidates:
-            name = f"{one.shape}: {one.score:.3f}"
-            path = f"surface/candidates/{one.shape}"
-            tint = palette.MODEL if one.shape == surface.shape else palette.LEFT_OUT
+        stream.log_flat("surface/candidates", rr.Clear(recursive=True))  # of an earlier fit
+        names = wording.candidate_names(surface.candidates)
+        for named, one in zip(names, surface.candidates, strict=True):
+            tint = palette.MODEL if named == names[0] else palette.LEFT_OUT
+            path = f"surface/candidates/{named.replace(' ', '_')}"
+            if named == names[0]:
+                scene.chosen = path
             if len(one.outline):
-                _log_line(stream, path, closed(one.outline, height + LIFT), tint.on_dark, name)
+                line = closed(one.outline, height + LIFT)
+                _log_line(stream, path, line, tint.on_dark, f"{named}: {one.score:.3f}")
         if len(surface.edges):
             labels = [_label(k, edge) for k, edge in enumerate(surface.edges)]
             stream.log(

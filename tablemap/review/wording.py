@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from tablemap.geometry import Floats
+from tablemap.stages.surface import Primitive
 
 CLUTTER_MM = 30.0
 """Edge points this far from the fitted outline are of something else."""
@@ -40,6 +41,16 @@ def seen(share: float) -> str:
 def length(points: Iterable[Sequence[float]] | Floats) -> float:
     """Return the length of a line (n, 2), metres."""
     return float(np.linalg.norm(np.diff(np.array(points), axis=0), axis=1).sum())
+
+
+def candidate_names(candidates: Sequence[Primitive]) -> list[str]:
+    """Return a name for each candidate shape; of those of one shape, each has its own."""
+    found: list[str] = []
+    for one in candidates:
+        name = one.shape if one.corner_radius is None else f"rounded {one.shape}"
+        before = sum(other.rstrip(" 0123456789") == name for other in found)
+        found.append(f"{name} {before + 1}" if before else name)
+    return found
 
 
 def residuals(metres: Floats) -> str:

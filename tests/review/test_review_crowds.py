@@ -14,13 +14,16 @@ from rerun.chunk import RrdReader
 from tablemap import palette
 from tablemap.events import StageFinished, StageStarted
 from tablemap.model import TableModel
+from tablemap.review import text
 from tablemap.review.alignment import WORST_PAIRS
 from tablemap.review.matrix import CELL
 from tablemap.review.numbering import letter
 from tablemap.review.text import pair_residual, worst_first
+from tablemap.review.wording import candidate_names
 from tablemap.stages.legs import Legs, RejectedCluster
 from tablemap.stages.odometry import OdometryMap, OdometryScan
 from tablemap.stages.registration import Registration
+from tablemap.stages.surface import FittedFigure, Surface
 from tests.making import made_up_run as made_up
 from tests.making.reviews import columns, write
 
@@ -221,3 +224,24 @@ def test_links_lead_to_entities(review: Path) -> None:
     assert {"model/top", "surface/chosen", "tables/01/model/top"} <= found
     for link in found:
         assert any(f"{one}/".startswith(f"/{link}/") for one in there), link
+
+
+def test_candidates_of_one_shape_have_names_of_their_own(tmp_path: Path) -> None:
+    """A rounded and a sharp rectangle are two lines; the chosen one alone is called so."""
+    run = made_up.results(stops=4)
+    surface = next(one for one in run if isinstance(one, Surface))
+    first = surface.candidates[0]
+    bent = replace(first, corner_radius=FittedFigure(0.1, 0.01), score=0.9)
+    twice = replace(surface, candidates=(bent, first, replace(first, score=0.01)))
+    assert candidate_names(twice.candidates) == [
+        f"rounded {first.shape}",
+        first.shape,
+        f"{first.shape} 2",
+    ]
+    assert text.surface(twice).count("(chosen)") == 1
+    assert f"rounded {first.shape} (chosen)" in text.surface(twice)
+    again = [replace(one, candidates=twice.candidates) if one is surface else one for one in run]
+    path = write(tmp_path / "twice" / "run.rrd", again)
+    (chosen,) = columns(path, f"/surface/candidates/rounded_{first.shape}", "LineStrips3D:colors")
+    (other,) = columns(path, f"/surface/candidates/{first.shape}_2", "LineStrips3D:colors")
+    assert chosen != other

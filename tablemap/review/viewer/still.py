@@ -88,7 +88,7 @@ def _smaller(picture: bytes) -> bytes:
     """
     with PIL.Image.open(io.BytesIO(picture)) as image:
         few = image.convert("RGB").quantize(
-            256, method=PIL.Image.Quantize.MAXCOVERAGE, dither=PIL.Image.Dither.NONE
+            256, method=PIL.Image.Quantize.MAXCOVERAGE, kmeans=1, dither=PIL.Image.Dither.NONE
         )
         buffer = io.BytesIO()
         few.save(buffer, format="PNG", optimize=True)

@@ -45,7 +45,6 @@ def doubts(
             _doubt(
                 "accuracy.no_primitive",
                 "No shape fits the edge of the top; the outline is the hull of the seen top.",
-                [WarnedPlace.ring(best.outline)],
             )
         )
     for other in primitives[1:]:
