@@ -140,6 +140,27 @@ def collect_rarely() -> None:
     atexit.register(gc.freeze)
 
 
+def keep_memory() -> None:
+    """Let this program's process keep the memory of arrays that are gone, for those to come.
+
+    The GNU C library hands the memory of a large array back to the system as soon as the array is
+    gone. For the next one the system clears it page by page, and a run makes thousands.
+    """
+    # Imported here: commands that answer at once do without it.
+    import ctypes
+
+    try:
+        set_option = ctypes.CDLL(None).mallopt
+    except (AttributeError, OSError, TypeError):  # another C library
+        return
+    set_option(_TRIM_THRESHOLD, 512 << 20)
+    set_option(_MMAP_THRESHOLD, 32 << 20)
+
+
+_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
+"""Options of ``mallopt``, whose values are bytes: see mallopt(3)."""
+
+
 class _HidesPandas:
     """Lets ``import pandas`` end as it does where pandas is not installed."""
 

@@ -266,6 +266,7 @@ def _outcomes(
     recordings: list[Input], job: Job, many: Many | None, *, again: bool, quiet: bool
 ) -> Generator[Outcome]:
     """Return existing runs of recordings that are done already; process the others."""
+    from tablemap.imports import keep_memory
     from tablemap.runs import done_already
     from tablemap.runs.running import Outcome
 
@@ -288,6 +289,7 @@ def _outcomes(
     if many and waiting:
         yield from _at_once(waiting, job, many, quiet=quiet)
         return
+    keep_memory()
     for recording in waiting:
         try:
             yield process_one(recording, partial(job, recording), quiet=quiet)

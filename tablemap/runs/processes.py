@@ -18,7 +18,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
 from tablemap.events import StageStarted
-from tablemap.imports import collect_rarely, hide_pandas, without_scipy_notes
+from tablemap.imports import collect_rarely, hide_pandas, keep_memory, without_scipy_notes
 from tablemap.inputs import AnyInput, Input
 from tablemap.interrupts import Interrupts, held_back, let_through
 from tablemap.runs.jobs import TRIES, Job, Progress, mark_lost, runs_of
@@ -167,6 +167,7 @@ def _work(pipe: Connection[object, object], job: Job) -> None:
     hide_pandas()
     without_scipy_notes()
     collect_rarely()
+    keep_memory()
     with suppress(KeyboardInterrupt, EOFError, OSError):
         # They may come by the terminal and by our parent; one must not disturb the other's marks.
         Interrupts(grace_seconds=float("inf")).listen()
