@@ -218,8 +218,9 @@ def _rows(samples: LevelSamples, values: Floats) -> Floats:
     rows[PLACE["slope_x"]] = -samples.place[:, 0]
     rows[PLACE["slope_y"]] = -samples.place[:, 1]
     rows[PLACE["sag"]] = -samples.bulge
-    bend = samples.terms * fall
-    rows[FIELD] = np.concatenate([bend, bend * samples.beyond_at(reach)])
+    bend, growth = np.split(rows[FIELD], 2)
+    np.multiply(samples.terms, fall, out=bend)
+    np.multiply(bend, samples.beyond_at(reach), out=growth)
     return rows
 
 
@@ -241,15 +242,14 @@ def _solve(
     views = samples.views
     total = COUNT + 3 * views
     information = np.eye(total)
-    rows = _rows(samples, values)
-    tops, parts = samples.only(samples.is_top), samples.parts
-    for gate in gates:
+    sees_top, parts = bool(samples.is_top.any()), samples.parts
+    for number, gate in enumerate(gates):
         residual = residuals(samples, values, own)
         width = np.maximum(gate, 3 * samples.sigma)
         weight = geman_mcclure((residual / width) ** 2, samples.weight)
         # The floor is known: only the rows of the top change from one step to the next.
-        if len(tops.depth):
-            rows[:, samples.is_top] = _rows(tops, values)
+        if number == 0 or sees_top:
+            rows = _rows(samples, values)
         information = np.zeros((total, total))
         right = np.zeros(total)
         information[:COUNT, :COUNT] = np.diag(sigma**-2.0)
