@@ -131,10 +131,13 @@ def find_posts(
     for index, map_from_base in poses.items():
         snapshot = snapshots[index]
         rays = snapshot.camera.rays[::_STRIDE, ::_STRIDE]
-        seen = rays * snapshot.depth[::_STRIDE, ::_STRIDE, None]
-        points = transform(snapshot.base_from_camera, seen).reshape(-1, 3)
+        depth = snapshot.depth[::_STRIDE, ::_STRIDE]
+        mount = snapshot.base_from_camera
+        # Of most pixels the height is enough to leave them out.
+        z = depth * (rays @ mount[2, :3].astype(np.float32)) + np.float32(mount[2, 3])
         with np.errstate(invalid="ignore"):
-            points = points[(points[:, 2] > low) & (points[:, 2] < low + layers * _LAYER)]
+            between = (z > low) & (z < low + layers * _LAYER)
+        points = transform(mount, rays[between] * depth[between, None])
         points = map_from_base.apply(points)
         points = points[shapely.contains_xy(grown, points[:, 0], points[:, 1])]
         for normal, offset in walls:

@@ -87,12 +87,13 @@ def _look(snapshot: Snapshot, map_from_base: Pose2, outline: Polygon, height: fl
     pose = snapshot.base_from_camera
     toward = rays @ pose[:3, :3].T.astype(np.float32)
     drop = max(float(pose[2, 3]) - height, 0.0)
-    kept = (toward[:, 2] < -_FLATTEST) & np.isfinite(depth)
+    kept = np.flatnonzero((toward[:, 2] < -_FLATTEST) & np.isfinite(depth))
     toward, depth = toward[kept], depth[kept]
     reach = drop / -toward[:, 2]
     crossings = map_from_base.apply(pose[:2, 3] + reach[:, None] * toward[:, :2])
+    x, y = crossings.T
     low_x, low_y, high_x, high_y = outline.buffer(_BEYOND[1]).bounds
-    near = (crossings > (low_x, low_y)).all(axis=1) & (crossings < (high_x, high_y)).all(axis=1)
+    near = np.flatnonzero((x > low_x) & (x < high_x) & (y > low_y) & (y < high_y))
     met = depth[near, None] * toward[near] + pose[:3, 3]
     return _TopView(
         eye=map_from_base.apply(pose[:2, 3]),
@@ -112,16 +113,18 @@ def _lower(look: _TopView, start: Floats, end: Floats) -> tuple[Floats, Bools]:
     along = along / length
     outward = np.array([along[1], -along[0]])
     count = max(int(length / _STATION), 1)
-    beyond, run = (look.crossings - start) @ outward, (look.crossings - start) @ along
-    sight = look.crossings - look.eye
-    kept = (beyond > _BEYOND[0]) & (beyond < _BEYOND[1]) & (run > 0) & (run < length)
+    beyond = (look.crossings - start) @ outward
+    near = np.flatnonzero((beyond > _BEYOND[0]) & (beyond < _BEYOND[1]))
+    run, sight = (look.crossings[near] - start) @ along, look.crossings[near] - look.eye
+    kept = (run > 0) & (run < length)
     kept &= sight @ outward > _AWAY * np.linalg.norm(sight, axis=1)
-    is_lower = (look.below[kept] > _LOWER[0]) & (look.below[kept] < _LOWER[1])
-    station = np.minimum((run[kept] / length * count).astype(np.int64), count - 1)
+    near, run = near[kept], run[kept]
+    is_lower = (look.below[near] > _LOWER[0]) & (look.below[near] < _LOWER[1])
+    station = np.minimum((run / length * count).astype(np.int64), count - 1)
     seen = np.bincount(station, minlength=count)
     lower = np.bincount(station, weights=is_lower, minlength=count)
     stations: Bools = (seen >= _LEAST_PIXELS) & (lower > _LEAST_SHARE * seen)
-    return look.points[kept][is_lower & stations[station]], stations
+    return look.points[near][is_lower & stations[station]], stations
 
 
 def _is_nowhere(points: Floats, snapshots: tuple[Snapshot, ...], poses: dict[int, Pose2]) -> bool:
