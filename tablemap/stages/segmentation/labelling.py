@@ -205,7 +205,9 @@ def _standing(
     above_plane: NDArray[np.float32],
 ) -> Bools:
     """Return the pixels above the plane that belong to things standing on the top."""
-    thinned = view.points[top][:: max(1, int(top.sum()) // 4000), :2].astype(np.float64)
+    rows, columns = np.nonzero(top)
+    few = slice(None, None, max(1, len(rows) // 4000))
+    thinned = view.points[rows[few], columns[few], :2].astype(np.float64)
     if len(thinned) < 3:
         return np.zeros_like(top)
     hull = convex(thinned)
@@ -224,13 +226,15 @@ def _standing(
     if count == 0:
         return np.zeros_like(top)
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
-    within = np.bincount(labels[within_hull], minlength=count + 1)
+    numbers = labels[within_hull]
+    within = np.bincount(numbers, minlength=count + 1)
     with np.errstate(invalid="ignore"):
         low = (above_plane < STANDING_M) & grown(top, view.window(_TOUCHING_PX))
     touching = np.bincount(labels[low], minlength=count + 1)
     stands = (within >= 0.5 * sizes) & (touching > 0)
     stands[0] = False
-    on_top = stands[labels] & within_hull
+    on_top = np.zeros_like(top)
+    on_top[within_hull] = stands[numbers]
     near = view.window(_OPENING_PX)
     # Pixels on the cuts between regions follow their neighbours.
     standing: Bools = on_top | (over & within_hull & (labels == 0) & grown(on_top, near))

@@ -58,9 +58,11 @@ class SampledView:
         """Return an image (h, w) of this view at the size of the snapshot, its pixels repeated."""
         if self.stride == 1:
             return image
-        rows, columns = self.snapshot.depth.shape
-        repeated = np.repeat(np.repeat(image, self.stride, axis=0), self.stride, axis=1)
-        return repeated[:rows, :columns]
+        repeated = np.empty(self.snapshot.depth.shape, dtype=image.dtype)
+        for down, right in np.ndindex(self.stride, self.stride):
+            part = repeated[down :: self.stride, right :: self.stride]
+            part[:] = image[: part.shape[0], : part.shape[1]]
+        return repeated
 
     @property
     def depth(self) -> NDArray[np.float32]:
