@@ -77,8 +77,10 @@ class PairDrawing:
         keys = [key for key in named if key in self._sequences]
         keys += [key for key in self._sequences if key not in named]
         config = stream.config
-        for key in keys if config.level == "full" else keys[: config.plotted_pairs]:
-            _plot(stream, key, self._sequences[key], _tint(named.get(key)))
+        plotted = keys if config.level == "full" else keys[: config.plotted_pairs]
+        _plot(
+            stream, [key for key in plotted if self._sequences[key].figures], named, self._sequences
+        )
         _log_at_stops(stream, keys, named, self._sequences, poses)
         shown = [key for key in keys[: config.aligned_pairs] if max(key) < len(poses)]
         if shown:
@@ -249,17 +251,26 @@ def _tint(pair: Pair | None) -> palette.Colour:
     return (palette.DISTRUSTED if is_dropped else palette.TRUSTED).on_dark
 
 
-def _plot(stream: Stream, key: Key, sequence: _Sequence, tint: palette.Colour) -> None:
-    if not sequence.figures:
+def _plot(
+    stream: Stream, keys: list[Key], named: dict[Key, Pair], sequences: dict[Key, _Sequence]
+) -> None:
+    """Plot the figures of the iterations, a line for each pair."""
+    if not keys:
         return
-    steps, fitness, rmse, inliers = zip(*sequence.figures, strict=True)
-    times = rr.TimeColumn("iteration", sequence=steps)
-    for name, values in (
-        ("fitness", np.array(fitness)),
-        ("rmse_mm", 1000 * np.array(rmse)),
-        ("inliers", np.array(inliers)),
-    ):
-        stream.plot(f"registration/iterations/{name}/{_name(key)}", times, values, tint)
+    steps = np.unique([figures[0] for key in keys for figures in sequences[key].figures])
+    values = np.full((3, len(steps), len(keys)), np.nan)
+    for column, key in enumerate(keys):
+        its, *figures = zip(*sequences[key].figures, strict=True)
+        values[:, np.searchsorted(steps, its), column] = figures
+    fitness, rmse, inliers = values
+    for name, shown in (("fitness", fitness), ("rmse_mm", 1000 * rmse), ("inliers", inliers)):
+        stream.plots(
+            f"registration/iterations/{name}",
+            rr.TimeColumn("iteration", sequence=steps),
+            shown,
+            colours=[_tint(named.get(key)) for key in keys],
+            names=[_name(key) for key in keys],
+        )
 
 
 def _name(key: Key) -> str:

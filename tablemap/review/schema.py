@@ -7,7 +7,7 @@ Each file has the name below as ``property:review:schema``, the entities as
 
 from __future__ import annotations
 
-SCHEMA = "tablemap/review/2"
+SCHEMA = "tablemap/review/3"
 
 TIMELINES = {
     "sensor_time": "the recording's clock, nanoseconds; what holds throughout is at its start",
@@ -62,7 +62,8 @@ ENTITIES = {
     "/registration/bases": "Arrows3D on the floor: the base at the stops as registered",
     "/registration/stops": "LineStrips3D: cameras as registered, labelled by number",
     "/registration/localised_stops": "LineStrips3D: cameras as localised",
-    "/registration/iterations/*/*": "Scalars over iteration: fitness, rmse_mm, inliers by pair",
+    "/registration/iterations/*": "Scalars over iteration, a series a pair: fitness, rmse_mm, "
+    "inliers",
     "/registration/pairs/summary": "TextDocument: what the entities below show",
     "/registration/pairs/names": "Points3D in the frame pairs: a label a cell",
     "/registration/pairs/*/target": "Points3D in the frame pairs: what was aligned to",

@@ -251,6 +251,23 @@ class Stream:
         columns = rr.Scalars.columns(scalars=np.asarray(values, dtype=np.float64))
         self.rec.send_columns(path, indexes=[times], columns=columns)
 
+    def plots(
+        self,
+        path: str,
+        times: rr.TimeColumn,
+        values: Floats,
+        *,
+        colours: Sequence[palette.Colour],
+        names: Sequence[str],
+    ) -> None:
+        """Log (n, m) numbers over the n times as m lines, each with its colour and name.
+
+        A line has no point where its number is NaN.
+        """
+        lines = rr.SeriesLines(colors=colours, widths=[2.0] * len(names), names=names)
+        self.rec.log(self._below + path, lines, static=True)
+        self.rec.send_columns(path, indexes=[times], columns=rr.Scalars.columns(scalars=values))
+
     def show(self, layout: rrb.Blueprint) -> None:
         """Send a layout, which takes the place of earlier ones.
 

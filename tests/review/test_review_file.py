@@ -124,7 +124,7 @@ def test_the_story_is_complete(review: Path) -> None:
         "/registration/after/scan/03",
         "/registration/before/top/03",
         "/registration/after/top/03",
-        "/registration/iterations/rmse_mm/05_to_04",
+        "/registration/iterations/rmse_mm",
         "/registration/pairs/05_to_03/target",
         "/registration/pairs/05_to_03/source",
         "/registration/pairs/05_to_03/motion",
@@ -244,7 +244,7 @@ def test_results_are_on_all_timelines(review: Path) -> None:
     everywhere = {"stage", "sensor_time", "snapshot", "iteration"}
     assert everywhere <= timelines(review, "/model/top")
     assert {"stage", "sensor_time", "snapshot"} <= timelines(review, "/camera/depth")
-    assert timelines(review, "/registration/iterations/fitness/05_to_04") == {"iteration"}
+    assert timelines(review, "/registration/iterations/fitness") == {"iteration"}
     assert "log_time" not in timelines(review, "/model/top")
 
 
