@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from tablemap.config import SurfaceConfig
@@ -39,6 +37,10 @@ def inner_edges(points: Floats, corners: Floats, config: SurfaceConfig) -> list[
     inside = points[signed_distance(points, corners) < -config.inner_depth]
     if len(inside) < config.inner_points:
         return []
+    # Imported here: most tables have no such edges.
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     pairs = cKDTree(inside).query_pairs(_REACH, output_type="ndarray")
     joined = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(inside),) * 2)
     count, label = connected_components(joined, directed=False)
