@@ -96,6 +96,9 @@ def whole_file(target: Path) -> Iterator[Path]:
         yield part
 
 
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+
+
 @contextmanager
 def whole_files(targets: Sequence[Path]) -> Iterator[list[Path]]:
     """Give one temporary path for each target; at the end the files are renamed, in order.
@@ -118,6 +121,8 @@ def whole_files(targets: Sequence[Path]) -> Iterator[list[Path]]:
         named = dict(zip(map(str, parts), targets, strict=True))
         if str(error.filename) in named:
             error.filename = str(named[str(error.filename)])
+        elif error.errno in _FULL and error.filename is None:  # a full disk does not say which
+            error.filename = str(targets[0])
         raise
     finally:
         for part in parts:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from pathlib import Path
 
 import pytest
@@ -38,6 +40,14 @@ def test_an_error_names_the_file_that_was_asked_for(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="directory") as raised:
         write_whole(tmp_path / "word.txt", "10")
     assert raised.value.filename == str(tmp_path / "word.txt")
+
+
+def test_a_full_disk_names_the_file_that_was_asked_for(tmp_path: Path) -> None:
+    """The system says that the disk is full, and not of which file."""
+    target = tmp_path / "top.png"
+    with pytest.raises(OSError, match="No space left") as raised, whole_file(target):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    assert raised.value.filename == str(target)
 
 
 def test_of_several_files_none_appears_before_all_are_written(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import shutil
 import sys
 from typing import Annotated, ClassVar
@@ -69,11 +70,20 @@ def _sentence(error: Exception) -> str:
     if isinstance(error, MemoryError):
         return "the memory does not suffice; free some, or lower the settings of [limits]."
     if isinstance(error, OSError) and error.strerror:  # the disk's word, met outside a run
-        return f"{error.strerror}{f': {error.filename}' if error.filename else '.'}"
+        next_step = _NEXT_STEPS.get(error.errno or 0, "")
+        said = f"{error.strerror}; {next_step}" if next_step else error.strerror
+        return f"{said}{f': {error.filename}' if error.filename else '.'}"
     return (
         f"this is a defect of tablemap: {type(error).__name__}: {error}; "
         "run again with --debug and report what it prints."
     )
+
+
+_NEXT_STEPS = {
+    errno.ENOSPC: "free some space, or write to another place",
+    errno.EDQUOT: "free some of your quota, or write to another place",
+    errno.EROFS: "write to another place",
+}
 
 
 def _print_version(wanted: bool) -> None:

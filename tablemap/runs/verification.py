@@ -50,6 +50,9 @@ def _check_review(run: RunFolder) -> Check:
     file = run.path / "run.rrd"
     if not file.is_file():
         return Check("review", "missing", f"there is no run.rrd; {_REDRAW}")
+    if run.manifest.status == "running":
+        told = "the run was not finished: `tablemap view` shows what it has written"
+        return Check("review", "unchecked", told)
     try:
         damage = damage_of(file)
     except TablemapError as error:

@@ -17,6 +17,7 @@ from tablemap.config import Config, load_config
 from tablemap.errors import ConfigError, RecordingError, TablemapError
 from tablemap.inputs import Input
 from tablemap.runs import running
+from tablemap.runs.verification import verify
 from tests.making.models import rectangle_model
 from tests.making.run_folders import make_run
 
@@ -160,6 +161,16 @@ def test_verify_exits_with_1_where_something_is_wrong(runs: Path) -> None:
     outcomes = {each["name"]: each["outcome"] for each in second["checks"]}
     assert (outcomes["table.json"], outcomes["recording"]) == ("changed", "unchecked")
     assert "changed" in call("runs", "verify", runs / "lap/b", code=1).stdout
+
+
+def test_the_review_of_a_run_that_goes_on_is_not_damaged(runs: Path) -> None:
+    """Its file has no end yet, which is no fault; nothing can be made anew of it."""
+    run = load_run(runs / "lap/a")
+    run.update(status="running")
+    (run.path / "run.rrd").write_bytes(b"RRF2")
+    (review,) = [one for one in verify(run) if one.name == "review"]
+    assert review.outcome == "unchecked"
+    assert "not finished" in (review.detail or "")
 
 
 def test_a_run_with_old_names_of_settings_says_the_new_ones(runs: Path, recording: Path) -> None:

@@ -450,6 +450,20 @@ def test_every_error_is_one_sentence(tmp_path: Path) -> None:
         assert sentence is None or err == sentence + "\n", command
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a full disk as Linux has it")
+def test_a_full_disk_is_said_with_the_next_step() -> None:
+    """Also where the output of a command goes to a file on it."""
+    code = "import sys; sys.argv[1:] = ['config']; from tablemap.cli import main; main()"
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-c", code], stdout=full, stderr=subprocess.PIPE, text=True
+        )
+    assert done.returncode == 1
+    assert done.stderr == (
+        "tablemap: No space left on device; free some space, or write to another place.\n"
+    )
+
+
 def test_a_terminal_breaks_sentences_between_words(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
