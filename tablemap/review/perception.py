@@ -71,8 +71,6 @@ class Perception:
         stream.text(
             "calibration/summary", text.calibration(calibration, stream.scene.recorded_warnings)
         )
-        shown = (calibration.floor_rms_before * 1000, calibration.floor_rms_after * 1000)
-        stream.log_flat("calibration/floor_rms_mm", rr.BarChart(np.array(shown)))
         for surface, seen in (("floor", calibration.floor), ("top", calibration.top)):
             if seen is not None:
                 stream.scene.flatness.add(surface)

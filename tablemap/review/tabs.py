@@ -202,14 +202,15 @@ def surface(scene: DrawnScene) -> rrb.Container:
         "/surface/beside/**",
         "/model/uncertainty/**",
         "/doubts/surface/**",
-        "- /outline/edges/image_border/**",
     ]
     fit = [
         "/surface/residuals",
         "/surface/candidates/**",
         "/model/uncertainty/**",
         "/doubts/surface/**",
+        "/outline/top/**",
     ]
+    seen_as_top: Overrides = {"/outline/top": rrb.EntityBehavior(visible=False)}
     return beside(
         "Surface",
         1.3,
@@ -221,7 +222,13 @@ def surface(scene: DrawnScene) -> rrb.Container:
                 in_tabs=True,
             ),
             with_legend(
-                seen_from(edges_eye(scene), scene, "Residuals and candidates", fit),
+                seen_from(
+                    edges_eye(scene),
+                    scene,
+                    "Residuals and candidates",
+                    fit,
+                    overrides=seen_as_top,
+                ),
                 "residuals",
                 height=620,
                 in_tabs=True,

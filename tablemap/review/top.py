@@ -72,9 +72,10 @@ class TopDrawing:
         pose, height = poses[view.index], stream.scene.height + LIFT
         stream.hold()
         for kind, (name, colour) in colours.EDGES.items():
+            if kind == EdgeKind.BORDER:  # no edge of anything: the images show it
+                continue
             points = view.points[view.kind == kind]
-            if kind != EdgeKind.BORDER:
-                self._edges.append(raised(pose.apply(points), height))
+            self._edges.append(raised(pose.apply(points), height))
             if len(points):
                 stream.log(
                     f"outline/edges/{name}/{view.index:02d}",
