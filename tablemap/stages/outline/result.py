@@ -91,6 +91,8 @@ class Outline:
     rim this is inside of the face.
 
     - ``height``: metres above the floor
+    - ``height_by_view``: metres above the floor, as each view has it: its camera may sit higher
+      or lower than it is believed to
     - ``thickness``: metres, None if no side face shows it
     - ``rim``: metres from the line where near edges were first placed outward to the side face:
       nearly 0 at a sharp edge, millimetres at a bevelled or rounded one; None if no face was seen

@@ -154,7 +154,7 @@ def find_edges(
         views=tuple(views),
         height=height,
         height_sigma=height_sigma,
-        height_by_view={index: plane.height for index, plane in own.items()},
+        height_by_view={index: plane.height for index, plane in unlifted.items()},
         thickness=None if thickness is None else thickness.value,
         thickness_sigma=None if thickness is None else thickness.sigma,
         thickness_per_px=0.0 if thickness is None else thickness.per_px,

@@ -488,6 +488,9 @@ def test_what_the_calibration_took_for_lifts_of_the_camera_counts(lift: float) -
         calibration=calibration,
     )
     assert "accuracy.height_scatter" in {warning.code for warning in outline.warnings}
+    # What is plotted is what is doubted: the views' heights before the cameras' are adjusted.
+    seen = [outline.height_by_view[index] for index in range(4)]
+    assert np.mean(seen[2:]) - np.mean(seen[:2]) == pytest.approx(0.006, abs=0.0015)
     assert outline.height_sigma > 0.003
 
 
