@@ -31,6 +31,32 @@ def plot(origin: str, name: str) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=QUIET_LEGEND, background=PLOT)
 
 
+def tabbed(scene: DrawnScene, *parts: Contents) -> rrb.Tabs:
+    """Return parts as tabs; the one that shows what a doubt is about is in front, else the first.
+
+    What is doubted has its code in `SHOWN_BY`.
+    """
+    named = [str(part.name) for part in parts]
+    wanted = [name for code, name in SHOWN_BY.items() if code in scene.doubts and name in named]
+    return rrb.Tabs(*parts, active_tab=named.index(wanted[0]) if wanted else 0)
+
+
+SHOWN_BY = {
+    "accuracy.height_scatter": "Height by view (mm)",
+    "accuracy.poor_fit": "Histogram (mm)",
+    "accuracy.shape_ambiguous": "Residuals and candidates",
+    "accuracy.localisation": "Trajectories",
+    "accuracy.calibration": "Calibration",
+    "accuracy.calibration_flawed": "Calibration",
+    "accuracy.calibrations_disagree": "Calibration",
+    "accuracy.depth_meaning": "Calibration",
+    "accuracy.floor": "Calibration",
+    "accuracy.floor_level": "Calibration",
+    "accuracy.floor_step": "Calibration",
+}
+"""The tab, of those within a stage's tab, that shows what a doubt is about."""
+
+
 def flat(
     origin: str, name: str, *, bounds: rrb.VisualBounds2D | None = None, **more: Any
 ) -> rrb.Spatial2DView:

@@ -17,7 +17,7 @@ from tablemap.review.blueprint import blueprint
 from tablemap.review.closing import Closing
 from tablemap.review.crosscheck import log_cross_check
 from tablemap.review.current import log_localised_stops, log_registered_stops
-from tablemap.review.doubted import Doubted, log_doubts
+from tablemap.review.doubted import DOUBT, Doubted, log_doubts
 from tablemap.review.legend import log_legends
 from tablemap.review.motion import MotionDrawing
 from tablemap.review.naming import Naming
@@ -117,6 +117,8 @@ class Reviewer(Closing):
                 stream, model, lines=naming.lines(stream), points=naming.points(stream)
             )
             doubts = self._doubted.of(model)
+            codes = (one.code for one in model.warnings)
+            stream.scene.doubts = frozenset(one for one in codes if one.startswith(DOUBT))
             if stream.config.level != "off":
                 telling.end(stream)
                 perception.log_names(stream)

@@ -26,6 +26,7 @@ class DrawnScene:
     - ``tops``, ``clutter``: their thinned points (n, 3), x and y in the base, z in the map
     - ``floor_z``, ``height``, ``laser_height``: z in the map of floor, top and laser, metres
     - ``centre``, ``extent``, ``yaw``: the table's place (2,), size in metres and heading, if known
+    - ``doubts``: the codes of the model's doubts
     - ``chosen``: the entity of the chosen shape
     - ``stages``: names and seconds, None for the running stage
     - ``tables``: scenes of the tables beside the chosen one
@@ -58,6 +59,7 @@ class DrawnScene:
     centre: tuple[float, float] | None = None
     extent: float = 1.0
     yaw: float = 0.0
+    doubts: frozenset[str] = frozenset()
     chosen: str = ""
     localised_way: Trajectory | None = None
     is_modelled: bool = False

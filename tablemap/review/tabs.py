@@ -17,7 +17,17 @@ from tablemap.review.eyes import (
 )
 from tablemap.review.legend import with_legend
 from tablemap.review.matrix import bounds
-from tablemap.review.panes import PLOT, Contents, beside, flat, image, image_of_table, plot, text
+from tablemap.review.panes import (
+    PLOT,
+    Contents,
+    beside,
+    flat,
+    image,
+    image_of_table,
+    plot,
+    tabbed,
+    text,
+)
 from tablemap.review.scene import FEW_STOPS, DrawnScene
 
 
@@ -67,7 +77,7 @@ def views(scene: DrawnScene) -> rrb.Container:
         ),
         *labels,
         with_legend(image(scene, "depth"), "image", height=200),
-        rrb.Tabs(*last),
+        tabbed(scene, *last),
     )
 
 
@@ -137,7 +147,8 @@ def registration(scene: DrawnScene) -> rrb.Container:
                 text("/registration/summary", "Pairs and checks"),
                 text("/odometry/summary", "Odometry"),
             ),
-            rrb.Tabs(
+            tabbed(
+                scene,
                 with_legend(
                     flat(
                         "/registration/matrix",
@@ -214,7 +225,8 @@ def surface(scene: DrawnScene) -> rrb.Container:
     return beside(
         "Surface",
         1.3,
-        rrb.Tabs(
+        tabbed(
+            scene,
             with_legend(
                 seen_from(edges_eye(scene), scene, "Edges by kind", edges),
                 "edges",
@@ -239,7 +251,8 @@ def surface(scene: DrawnScene) -> rrb.Container:
             text("/outline/summary", "Edge counts"),
             text("/surface/crosscheck", "Camera against laser"),
         ),
-        rrb.Tabs(
+        tabbed(
+            scene,
             flat(
                 "/surface/unrolled",
                 "Residuals along the outline",

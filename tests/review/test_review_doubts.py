@@ -7,10 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rerun.blueprint as rrb
 import shapely
 
+from tablemap.config import ReviewConfig
 from tablemap.errors import ProcessWarning, WarnedPlace
 from tablemap.model import TableModel
+from tablemap.review import Reviewer
+from tablemap.review.blueprint import blueprint
 from tablemap.review.doubted import Doubted
 from tests.making import made_up_run as made_up
 from tests.making.marked_run import doubted
@@ -128,3 +132,33 @@ def test_a_withdrawn_doubt_is_not_drawn(run: list[object]) -> None:
     (only,) = found.of(model)
     assert only.name == "two levels"
     assert shapely.Polygon(only.lines[0][:, :2]).equals(shapely.Polygon(SQUARE))
+
+
+@pytest.mark.parametrize(
+    ("code", "front"),
+    [
+        (None, {"Edges by kind", "Residuals along the outline", "Pose graph as a matrix"}),
+        ("height_scatter", {"Height by view (mm)", "Edges by kind"}),
+        ("shape_ambiguous", {"Residuals and candidates", "Residuals along the outline"}),
+        ("localisation", {"Trajectories"}),
+    ],
+)
+def test_the_plot_of_a_doubt_is_in_front(
+    code: str | None, front: set[str], run: list[object], tmp_path: Path
+) -> None:
+    """Of the tabs within a stage's tab; else the first is."""
+    said = [] if code is None else [ProcessWarning(f"accuracy.{code}", "surface", "doubtful")]
+    with Reviewer(
+        tmp_path / "run.rrd", run_id="front", recording_name="made up", config=ReviewConfig()
+    ) as reviewer:
+        for one in doubted(run, *said):
+            reviewer(one)
+        layout = blueprint(reviewer._stream.scene).root_container
+    assert front <= set(fronts(layout))
+
+
+def fronts(part: object) -> list[str]:
+    """The names of the tabs in front, in all containers of tabs of a layout."""
+    inner = list(getattr(part, "contents", [])) if isinstance(part, rrb.Container) else []
+    own = [str(inner[part.active_tab or 0].name)] if isinstance(part, rrb.Tabs) else []
+    return [*own, *[name for one in inner for name in fronts(one)]]
