@@ -95,7 +95,12 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
 
     # The floor shows the camera's tilt, and the bend of its depth image.
     with stage("calibration"):
-        calibration = calibrate(taken.snapshots, config=config.calibration, sensors=sensors)
+        calibration = calibrate(
+            taken.snapshots,
+            config=config.calibration,
+            sensors=sensors,
+            rounding=taken.camera.rounding,
+        )
         record(calibration)
 
     # The top is a second plane, nearer than the floor: with it the camera is adjusted again, and

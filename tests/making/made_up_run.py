@@ -287,7 +287,6 @@ def _calibration(shots: tuple[Snapshot, ...]) -> Calibration:
         view_tilt=0.002,
         view_lift=0.0005,
         lean_share=(1.0, 0.5),
-        bends=True,
     )
     known = unadjusted(beliefs, len(shots))
     values = known.values.copy()

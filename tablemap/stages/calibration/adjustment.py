@@ -16,8 +16,15 @@ import numpy as np
 
 from tablemap.geometry import Bools, Floats
 from tablemap.robust import geman_mcclure
-from tablemap.stages.calibration.field import TERMS, DepthField, bending_size, prior_sigmas
+from tablemap.stages.calibration.field import (
+    REFERENCE_M,
+    TERMS,
+    DepthField,
+    bending_size,
+    prior_sigmas,
+)
 from tablemap.stages.calibration.levels import LevelSamples
+from tablemap.stages.snapshots.rounding import FINE, Rounding
 
 WIDE_GATES_M = (0.06, 0.04, 0.03, 0.02, 0.015, 0.012, 0.012)
 CLOSE_GATES_M = (0.015, 0.012, 0.010, 0.010, 0.010)
@@ -41,7 +48,7 @@ class Common:
     lean_x, lean_y: radians about the axes of the map, tilt of the map: a tracked map leans, the map
         of a robot on wheels does not
     height: metres that the camera is higher than recorded
-    offset: metres added to every depth
+    offset: metres added to a depth at the rounding's reference distance, for the error of rounding
     top: metres, the mean height of the top
     slope_x, slope_y: slope of the top in the map
     sag: metres that the top's middle lies above its rim; negative where it sags
@@ -74,7 +81,7 @@ class Beliefs:
     view_tilt: of one view's tilt against the common one, radians: encoders, a base that leans
     view_lift: of one view's height, metres
     lean_share: share of one view's roll, and of its pitch, that is a lean of the base
-    bends: whether the depth image may bend at all
+    rounding: how the depth was rounded to coarse steps
     """
 
     common: Common
@@ -82,7 +89,7 @@ class Beliefs:
     view_tilt: float
     view_lift: float
     lean_share: tuple[float, float]
-    bends: bool
+    rounding: Rounding = FINE
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +123,11 @@ class Adjustment:
         """The factor on the depth, over the image and the distance."""
         return DepthField(self.values[FIELD])
 
+    @property
+    def scale(self) -> float:
+        """The factor on depths in the middle of the image, at `REFERENCE_M`."""
+        return self.field.at(0.0, 0.0, REFERENCE_M) + self.common.offset / REFERENCE_M
+
 
 def unadjusted(beliefs: Beliefs, views: int) -> Adjustment:
     """Return the adjustment without any sample: zero, with the priors' covariance."""
@@ -139,8 +151,7 @@ def adjust(
     values, own = np.zeros(COUNT), np.zeros((samples.views, 3))
     values[PLACE["top"]] = samples.top_start
     first = _solve(samples, beliefs, size, (tilt, lift), able, values, own, gates)
-    if beliefs.bends:
-        size = float(np.clip(bending_size(first.values[FIELD]), _LEAST_SIZE, _LARGEST_SIZE))
+    size = float(np.clip(bending_size(first.values[FIELD]), _LEAST_SIZE, _LARGEST_SIZE))
     if able.sum() >= 3:
         tilt = max(tilt, _rms(first.own[able, :2]))
         lift = max(lift, _rms(first.own[able, 2]))
@@ -158,7 +169,7 @@ def _prior(beliefs: Beliefs, size: float, top: float) -> tuple[Floats, Floats]:
     mean, sigma = np.zeros(COUNT), np.zeros(COUNT)
     mean[PLACE["top"]] = top
     sigma[: len(NAMES)] = [max(getattr(beliefs.common, name), _NOTHING) for name in NAMES]
-    sigma[FIELD] = prior_sigmas(size) if beliefs.bends else _NOTHING
+    sigma[FIELD] = prior_sigmas(size)
     sigma[FIELD.start] = beliefs.scale
     return mean, sigma
 
@@ -177,7 +188,7 @@ def residuals(samples: LevelSamples, values: Floats, own: Floats) -> Floats:
     # Third row of R_x(roll) then R_y(pitch), as `correction` composes them (extrinsic).
     turned = -sin_pitch * x + cos_pitch * (sin_roll * y + cos_roll * z)
     heights = samples.camera_z + common.height + own[samples.view, 2]
-    heights = heights + factor * turned + common.offset * samples.steep
+    heights = heights + factor * turned + common.offset * samples.rounded
     slope = np.array([common.slope_x, common.slope_y])
     target = common.top + samples.place @ slope + common.sag * samples.bulge
     result: Floats = heights - np.where(samples.is_top, target, 0.0)
@@ -213,7 +224,7 @@ def _rows(samples: LevelSamples, values: Floats) -> Floats:
     rows[PLACE["lean_x"]] = c * rows[PLACE["roll"]] - s * rows[PLACE["pitch"]]
     rows[PLACE["lean_y"]] = s * rows[PLACE["roll"]] + c * rows[PLACE["pitch"]]
     rows[PLACE["height"]] = 1.0
-    rows[PLACE["offset"]] = samples.steep
+    rows[PLACE["offset"]] = samples.rounded_at(reach)
     rows[PLACE["top"]] = -1.0 * samples.is_top
     rows[PLACE["slope_x"]] = -samples.place[:, 0]
     rows[PLACE["slope_y"]] = -samples.place[:, 1]

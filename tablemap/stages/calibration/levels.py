@@ -15,6 +15,7 @@ from tablemap.masks import shrunk
 from tablemap.stages.calibration.field import REFERENCE_M, image_coordinates, terms
 from tablemap.stages.snapshots import Snapshot, turned_left
 from tablemap.stages.snapshots.normals import upward_share
+from tablemap.stages.snapshots.rounding import FINE, Rounding
 
 STRIDE_PX = 2
 BLOCK_PX = 32  # errors of neighbouring pixels are correlated: a block of this side counts once
@@ -43,8 +44,8 @@ class LevelSamples:
     turns: (views,), radians that the axes turned with the head, all 0 if it does not turn
     headings: (views,), radians of these axes in the map
     pixels: how many pixels the floor's samples stand for
-    step: metres between depth values where they are coarse, else 0
     top_start: metres, the height of the top as first seen
+    rounding: how the depth was rounded to coarse steps
     """
 
     arms: Floats
@@ -61,8 +62,8 @@ class LevelSamples:
     turns: Floats
     headings: Floats
     pixels: int
-    step: float
     top_start: float
+    rounding: Rounding
 
     @property
     def views(self) -> int:
@@ -83,6 +84,15 @@ class LevelSamples:
     def beyond_at(self, reach: Floats) -> Floats:
         """Return `beyond` for rays that are ``reach`` times as long."""
         return self.depth * reach - REFERENCE_M
+
+    @property
+    def rounded(self) -> Floats:
+        """The drop (n,) of the ray for a metre of rounding error at the reference distance."""
+        return self.rounded_at(np.ones_like(self.depth))
+
+    def rounded_at(self, reach: Floats) -> Floats:
+        """Return `rounded` for rays that are ``reach`` times as long."""
+        return self.steep * self.rounding.share(self.depth * reach)
 
     def only(self, chosen: Bools) -> LevelSamples:
         """Return some (n,) of the samples, of the same views."""
@@ -122,6 +132,7 @@ def collect(
     *,
     corrected: tuple[Snapshot, ...] | None = None,
     top: SeenTop | None = None,
+    rounding: Rounding = FINE,
 ) -> LevelSamples | None:
     """Gather the pixels of floor and top of every view, with the recorded depth.
 
@@ -129,7 +140,6 @@ def collect(
     within a narrower band. Returns None if there is neither floor nor top.
     """
     parts: list[_ViewSamples] = []
-    steps: list[float] = []
     thin = max(1, round(np.sqrt(len(snapshots) * 12_000 / MOST_FLOOR)))
     pixels = 0
     for view, snapshot in enumerate(snapshots):
@@ -139,7 +149,6 @@ def collect(
         arms = arms_of(snapshot)
         noise = snapshot.noise.sigma(depth)
         step = snapshot.noise.coarse_step
-        steps.append(step)
         floor = _floor(arms, snapshot, None if corrected is None else corrected[view], step, config)
         pixels += int(floor.sum()) * STRIDE_PX**2
         chosen = np.zeros_like(floor)
@@ -157,7 +166,7 @@ def collect(
     parts = [part for part in parts if len(part.depth)]
     if not parts:
         return None
-    return _together(parts, snapshots, pixels, float(np.median(steps)), top)
+    return _together(parts, snapshots, pixels, rounding, top)
 
 
 def arms_of(snapshot: Snapshot) -> NDArray[np.float32]:
@@ -264,7 +273,7 @@ def _together(
     parts: list[_ViewSamples],
     snapshots: tuple[Snapshot, ...],
     pixels: int,
-    step: float,
+    rounding: Rounding,
     top: SeenTop | None,
 ) -> LevelSamples:
     view = np.concatenate([part.view for part in parts])
@@ -294,6 +303,6 @@ def _together(
         turns=turns,
         headings=np.array([snapshot.map_from_base.yaw for snapshot in snapshots]) + turns,
         pixels=pixels,
-        step=step,
         top_start=0.0 if top is None else top.height,
+        rounding=rounding,
     )

@@ -108,7 +108,7 @@ class Calibration:
     @property
     def depth_scale(self) -> float:
         """Factor on depths in the middle of the image, at `REFERENCE_M`."""
-        return self.field.at(0.0, 0.0, REFERENCE_M)
+        return self.adjustment.scale
 
     @property
     def lifts(self) -> dict[int, float]:
@@ -145,7 +145,8 @@ class Calibration:
             rows[0, PLACE["height"]] = 1.0
             rows[0, FIELD.start] = -drop
             rows[0, growth] = -drop * (drop / max(-axis, 0.1) - REFERENCE_M)
-            rows[0, PLACE["offset"]] = axis
+            shifted = float(self.beliefs.rounding.share(np.array(drop / max(-axis, 0.1))))
+            rows[0, PLACE["offset"]] = axis * shifted
         rows[1] = -rows[0] / drop
         rows[1, PLACE["height"]] += 1.0 / drop
         rows[2, PLACE["roll"]] = rows[3, PLACE["pitch"]] = 1.0

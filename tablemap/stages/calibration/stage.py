@@ -30,6 +30,7 @@ from tablemap.stages.calibration.level import floor_level, lowered
 from tablemap.stages.calibration.levels import LevelSamples, SeenTop, collect
 from tablemap.stages.calibration.result import Calibration, LevelResiduals
 from tablemap.stages.snapshots import Snapshot
+from tablemap.stages.snapshots.rounding import FINE, Rounding
 from tablemap.words import counted
 
 _LEAST_FLOOR_SHARE = 0.15
@@ -38,20 +39,25 @@ _MAP_SHAPE = (12, 16)  # blocks of the image in which residuals are shown
 
 
 def calibrate(
-    snapshots: tuple[Snapshot, ...], *, config: CalibrationConfig, sensors: SensorsConfig
+    snapshots: tuple[Snapshot, ...],
+    *,
+    config: CalibrationConfig,
+    sensors: SensorsConfig,
+    rounding: Rounding = FINE,
 ) -> Calibration:
     """Adjust the camera's tilt, height and depth field to the floor of all views.
 
     A flat floor seen from one height cannot distinguish the depth scale from the camera's height in
     TF: the priors divide the offset between them, and the covariance contains the ambiguity. If the
     floor is not near z = 0, or only with an implausible scale, it is searched at other heights.
-    `flatten` adds the table's top when that is known.
+    `flatten` adds the table's top when that is known. ``rounding`` shifts all depths.
     """
-    beliefs = _beliefs(snapshots, config, sensors)
-    result = _calibrated(snapshots, collect(snapshots, config), beliefs, config)
+    beliefs = _beliefs(snapshots, rounding, config, sensors)
+    samples = collect(snapshots, config, rounding=rounding)
+    result = _calibrated(snapshots, samples, beliefs, config)
     missed = result.floor_pixels < config.least_floor_pixels
     level = floor_level(snapshots)
-    if not missed and not _excess(result.adjustment, config):
+    if not missed and not _excess(result.adjustment, rounding, config):
         # A higher level is no floor where a flat one is seen below it, but a top that hides it.
         if level is None or level > -_ELSEWHERE_M:
             return result
@@ -60,14 +66,14 @@ def calibrate(
         is_wider = found.floor_pixels > _WIDER * result.floor_pixels
         return (
             _believed(found, config)
-            if is_wider and not _excess(found.adjustment, config)
+            if is_wider and not _excess(found.adjustment, rounding, config)
             else result
         )
     if level is not None and result.is_cluttered and level > 0:
         level = None  # a floor under things on it is lower than they are
     if level is not None and abs(level) >= (config.floor_band if missed else config.least_level):
         found = _at_level(snapshots, level, beliefs, config, sensors)
-        if missed or not _excess(found.adjustment, config):
+        if missed or not _excess(found.adjustment, rounding, config):
             result = found
     return _believed(result, config)
 
@@ -81,7 +87,13 @@ def flatten(calibration: Calibration, top: SeenTop, *, config: CalibrationConfig
     if any(w.code == "accuracy.calibration" for w in calibration.warnings):
         return calibration
     snapshots = calibration.recorded
-    samples = collect(snapshots, config, corrected=calibration.snapshots, top=top)
+    samples = collect(
+        snapshots,
+        config,
+        corrected=calibration.snapshots,
+        top=top,
+        rounding=calibration.beliefs.rounding,
+    )
     if samples is None or not samples.is_top.any():
         return calibration
     if calibration.is_cluttered:
@@ -120,7 +132,8 @@ def _at_level(
     else:
         level = base
     snapshots = tuple(lowered(snapshot, level) for snapshot in snapshots)
-    result = _calibrated(snapshots, collect(snapshots, config), beliefs, config)
+    samples = collect(snapshots, config, rounding=beliefs.rounding)
+    result = _calibrated(snapshots, samples, beliefs, config)
     warnings = [
         ProcessWarning(
             "calibration.floor_level",
@@ -144,14 +157,15 @@ def _at_level(
 
 
 def _beliefs(
-    snapshots: tuple[Snapshot, ...], config: CalibrationConfig, sensors: SensorsConfig
+    snapshots: tuple[Snapshot, ...],
+    rounding: Rounding,
+    config: CalibrationConfig,
+    sensors: SensorsConfig,
 ) -> Beliefs:
     """Return the priors of the camera before the floor is seen.
 
-    Depth with coarse steps gets no field, as its steps would look like one. The focal length is not
-    fitted, as on planes its error looks like tilts and a field.
+    The focal length is not fitted, as on planes its error looks like tilts and a field.
     """
-    step = float(np.median([snapshot.noise.coarse_step for snapshot in snapshots] or [0.0]))
     tilt = float(np.deg2rad(sensors.camera_tilt_sigma_deg))
     held = _is_held(snapshots, config)
     loose = _HELD_LOOSER if held else 1.0
@@ -162,7 +176,7 @@ def _beliefs(
             lean_x=_MAP_LEAN if held else 0.0,
             lean_y=_MAP_LEAN if held else 0.0,
             height=sensors.held_camera_height_sigma if held else sensors.camera_height_sigma,
-            offset=step / np.sqrt(12),
+            offset=rounding.sigma,
             top=_TOP_SIGMA,
             slope_x=_TOP_SLOPE,
             slope_y=_TOP_SLOPE,
@@ -172,7 +186,7 @@ def _beliefs(
         view_tilt=loose * float(np.deg2rad(sensors.view_tilt_sigma_deg)),
         view_lift=loose**2 * sensors.view_height_sigma,
         lean_share=(0.0, 0.0) if held else (1.0, sensors.base_lean_share),
-        bends=step == 0,
+        rounding=rounding,
     )
 
 
@@ -291,7 +305,8 @@ def _adjusted(samples: LevelSamples, beliefs: Beliefs) -> Adjustment:
 def _strain(adjustment: Adjustment, beliefs: Beliefs) -> float:
     """Return the largest correction of tilt, height or scale, in prior sigmas."""
     common, sigma = adjustment.common, beliefs.common
-    scale = (adjustment.field.at(0.0, 0.0, REFERENCE_M) - 1) / beliefs.scale
+    believed = np.hypot(beliefs.scale, sigma.offset / REFERENCE_M)
+    scale = (adjustment.scale - 1) / believed
     strains = [common.roll / sigma.roll, common.pitch / sigma.pitch, common.height / sigma.height]
     return float(np.max(np.abs([*strains, scale])))
 
@@ -301,14 +316,15 @@ def _support(samples: LevelSamples, adjustment: Adjustment) -> int:
     return int((np.abs(residual) < WIDE_GATES_M[-1] + samples.sigma).sum())
 
 
-def _excess(adjustment: Adjustment, config: CalibrationConfig) -> list[str]:
+def _excess(adjustment: Adjustment, rounding: Rounding, config: CalibrationConfig) -> list[str]:
     """Return words for the implausible values of an adjustment."""
     roll, pitch = np.rad2deg(adjustment.common.roll), np.rad2deg(adjustment.common.pitch)
-    scale = adjustment.field.at(0.0, 0.0, REFERENCE_M)
+    scale = adjustment.scale
+    cut_off = 0.5 * rounding.step / REFERENCE_M
     found = []
     if max(abs(roll), abs(pitch)) > config.plausible_tilt_deg:
         found.append(f"a roll of {roll:+.2f} and a pitch of {pitch:+.2f} degrees")
-    if abs(scale - 1) > config.plausible_scale:
+    if abs(scale - 1) > config.plausible_scale + cut_off:
         sigma = np.sqrt(adjustment.covariance[FIELD.start, FIELD.start])
         found.append(f"a depth scale of {scale:.3f} (sigma {sigma:.3f})")
     return found
@@ -320,7 +336,7 @@ def _believed(result: Calibration, config: CalibrationConfig) -> Calibration:
     Then a warning is added, and the rejected correction makes the covariance larger, as it may
     still be right.
     """
-    excess = _excess(result.adjustment, config)
+    excess = _excess(result.adjustment, result.beliefs.rounding, config)
     if not excess:
         return result
     values, beliefs = result.adjustment.values, result.beliefs
@@ -369,7 +385,7 @@ def _result(
     headings = np.array([snapshot.map_from_base.yaw for snapshot in snapshots]) + turns
     tilts = view_tilts(headings, adjustment.common, adjustment.own)
     corrected = tuple(
-        _corrected(snapshot, adjustment, tilt, own, beliefs.lean_share, float(turn))
+        _corrected(snapshot, adjustment, tilt, own, beliefs, float(turn))
         for snapshot, tilt, own, turn in zip(snapshots, tilts, adjustment.own, turns, strict=True)
     )
     return Calibration(
@@ -425,7 +441,7 @@ def _corrected(
     adjustment: Adjustment,
     tilt: Floats,
     own: Floats,
-    lean_share: tuple[float, float],
+    beliefs: Beliefs,
     turn: float,
 ) -> Snapshot:
     """Return a snapshot with the adjusted camera and depth.
@@ -439,13 +455,14 @@ def _corrected(
         rotation = about @ rotation @ about.T
     mount = snapshot.base_from_camera.copy()
     mount[:3, :3] = rotation @ mount[:3, :3]
-    roll, pitch = own[:2] * lean_share
+    roll, pitch = own[:2] * beliefs.lean_share
     c, s = np.cos(turn), np.sin(turn)
     mount[:2, 3] += mount[2, 3] * np.array([c * pitch + s * roll, s * pitch - c * roll])
     mount[2, 3] += common.height + own[2]
     depth = snapshot.depth * adjustment.field.multiplier(snapshot.camera, snapshot.depth)
     if abs(common.offset) > _LEAST_OFFSET:
-        depth = depth + np.float32(common.offset)
+        shift = np.float32(common.offset) * beliefs.rounding.share(snapshot.depth)
+        depth = depth + shift
     return replace(
         snapshot,
         base_from_camera=mount,

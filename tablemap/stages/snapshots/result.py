@@ -14,6 +14,7 @@ from tablemap.errors import ProcessWarning
 from tablemap.geometry import Bools, Floats, Ints, Pose2, invert, transform
 from tablemap.recording.messages import CompressedImage, Image
 from tablemap.stages.snapshots.noise import DepthNoise, depth_noise
+from tablemap.stages.snapshots.rounding import FINE, Rounding
 
 SnapshotsKind = Literal["stops", "keyframes"]
 """Whether the snapshots come from stops of the base, or were chosen during the drive."""
@@ -158,13 +159,15 @@ class SeenCamera:
     """What the images show of the camera; ``kind`` is None where they do not tell.
 
     ``noise`` and ``step`` are metres at two metres, ``power`` is that of the distance with which
-    the noise grows; all are NaN where too little was seen.
+    the noise grows; all are NaN where too little was seen. ``rounding``: the steps where they are
+    coarse.
     """
 
     kind: DepthCamera | None
     noise: float = float("nan")
     power: float = float("nan")
     step: float = float("nan")
+    rounding: Rounding = FINE
 
     def __str__(self) -> str:
         if not np.isfinite(self.noise):

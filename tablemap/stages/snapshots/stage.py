@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ from tablemap.stages.snapshots.result import (
     SnapshotsKind,
     Viewpoint,
 )
+from tablemap.stages.snapshots.rounding import find_rounding
 from tablemap.stages.snapshots.stops import (
     choose_by_new_view,
     far_apart,
@@ -275,7 +277,7 @@ def _decode(
     if pending:
         finish(current, pending)
     aside += _left_out(recording, [s for s in owner if s not in decoded])
-    return snapshots, aside, seen_camera(alone)
+    return snapshots, aside, replace(seen_camera(alone), rounding=find_rounding(alone))
 
 
 def _left_out(recording: Recording, stamps_ns: list[int]) -> list[SetAside]:

@@ -12,6 +12,7 @@ from tablemap.config import CalibrationConfig, SensorsConfig
 from tablemap.geometry import Floats, Pose2
 from tablemap.stages.calibration import Calibration, SeenTop, calibrate, flatten
 from tablemap.stages.snapshots import Snapshot
+from tablemap.stages.snapshots.rounding import REFERENCE_M, Rounding
 from tests.making.casting import Box
 from tests.making.round_trips import CAMERA, mounting, round_trip, table, tilted
 
@@ -332,7 +333,48 @@ def test_a_camera_that_does_not_bend_is_not_flattened() -> None:
 
 def test_coarse_steps_leave_the_scale_open() -> None:
     """Depth in 39 mm steps is calibrated, and the result says how little it knows."""
-    result = calibrate(round_trip([], (0.0, 0.0), step=0.039), config=CONFIG, sensors=SENSORS)
+    result = calibrate(
+        round_trip([], (0.0, 0.0), step=0.039),
+        config=CONFIG,
+        sensors=SENSORS,
+        rounding=Rounding(0.039, power=0),
+    )
     assert np.rad2deg(abs(result.pitch)) < 0.5
     assert result.adjustment.sigma("offset") > 0.003
     assert abs(result.depth_scale - 1.0) < 3 * np.sqrt(result.covariance[2, 2])
+
+
+def stepped(
+    snapshots: tuple[Snapshot, ...], rounding: Rounding, *, is_cut_off: bool
+) -> tuple[Snapshot, ...]:
+    """The same views by a camera whose depth, or disparity, comes in whole steps."""
+    to_whole = np.floor if is_cut_off else np.round
+    views = []
+    for view in snapshots:
+        if rounding.power == 0:
+            depth = to_whole(view.depth / rounding.step) * rounding.step
+        else:
+            per_step = REFERENCE_M**2 / rounding.step
+            depth = per_step / to_whole(per_step / view.depth)
+        views.append(replace(view, depth=depth.astype(np.float32)))
+    return tuple(views)
+
+
+@pytest.mark.parametrize("is_cut_off", [True, False])
+@pytest.mark.parametrize(
+    "rounding", [Rounding(0.02, 0), Rounding(0.04, 0), Rounding(0.035, 2), Rounding(0.07, 2)]
+)
+@pytest.mark.parametrize("bend", [0.0, 0.015])
+def test_whether_coarse_steps_were_rounded_is_fitted(
+    rounding: Rounding, is_cut_off: bool, bend: float
+) -> None:
+    """A top's height is right to 6 mm and 2 sigmas, whether its depth was rounded or cut off."""
+    flat = round_trip(table(1.0, 0.5, 1.2, 0.8, 0.74, 0.3), (1.0, 0.5))
+    views = stepped(bent(flat, bend), rounding, is_cut_off=is_cut_off)
+    rough = calibrate(views, config=CONFIG, sensors=SENSORS, rounding=rounding)
+    masks = {s.index: np.abs(s.points_in_base()[..., 2] - 0.74) < 0.004 for s in flat}
+    result = flatten(rough, SeenTop(0.75, masks), config=CONFIG)
+    error = result.adjustment.common.top - 0.74
+    assert abs(error) < 0.006
+    assert abs(error) < 2 * result.adjustment.sigma("top")
+    assert not result.warnings
