@@ -139,14 +139,18 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
         _check_choice(done.model)
         return done
 
+    first: Processed | None = None
     try:
-        return attempt(adjusted, segmentation)
+        first = attempt(adjusted, segmentation)
+        if near is not None or first.model.verdict.level != "failed":
+            return first
+        failure = EstimationError(first.model.verdict.reasons[0])
     except EstimationError as error:
         if near is not None:
             raise
         failure = error
 
-    # The likeliest surface gave no model: the next ones are tried in their order.
+    # The likeliest surface gave no model, or a failed one: the next ones are tried in their order.
     for candidate in next_choices(rough):
         try:
             with stage("segmentation"):
@@ -158,10 +162,15 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
                     config=config.segmentation,
                     sensors=sensors,
                 )
-                adjusted, segmentation = settle(second)
-            return attempt(adjusted, segmentation)
+                settled = settle(second)
+            return attempt(*settled)
         except EstimationError:
             continue
+    if first is not None:
+        # A review shows what is recorded last: the first one again.
+        record(adjusted)
+        record(segmentation)
+        return attempt(adjusted, segmentation)
     raise EstimationError(none_gave_a_table(failure, rough.candidates)) from failure
 
 
@@ -170,6 +179,7 @@ def _check_choice(model: TableModel) -> None:
     codes = {warning.code for warning in model.warnings}
     sides = [edge.status for edge in model.surface.edges]
     is_open = "accuracy.unseen_side" in codes or sides.count("measured") < min(2, len(sides))
+    is_open |= model.verdict.level == "failed"
     if "accuracy.second_choice" in codes and is_open:
         raise EstimationError(
             "no table was found: the likeliest surface is none, and of the next one "

@@ -13,7 +13,7 @@ from msgspec import structs
 from tablemap import pipeline
 from tablemap.errors import EstimationError, ProcessWarning
 from tablemap.model import TableModel
-from tablemap.model.table import WarningEntry
+from tablemap.model.table import Verdict, WarningEntry
 from tablemap.recording import Recording, open_recording
 from tablemap.stages.segmentation import Segmentation, TableCandidate
 from tablemap.stages.snapshots.result import UNKNOWN_CAMERA
@@ -165,6 +165,53 @@ def test_a_second_choice_with_one_measured_side_is_no_table(
     with pytest.raises(EstimationError):
         process()
     assert stages.tried == [1.0, 2.0, 4.0]
+
+
+def failed_at(stages: Stages, *places: float) -> Any:
+    """Return an assembly that calls the models of these candidates failed."""
+    whole = stages.assemble
+
+    def assemble(found: Any) -> TableModel:
+        model = whole(found)
+        if stages.tried[-1] not in places:
+            return model
+        verdict = Verdict(level="failed", reasons=("no side of the top was measured",))
+        return structs.replace(model, verdict=verdict)
+
+    return assemble
+
+
+def test_a_failed_verdict_is_no_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The next candidate that gives a better verdict is taken, and the warning says why."""
+    stages = Stages(monkeypatch, {})
+    monkeypatch.setattr(pipeline, "assemble", failed_at(stages, 1.0, 2.0))
+    model = process().model
+    assert stages.tried == [1.0, 2.0, 4.0]
+    assert model.verdict.level != "failed"
+    (warning,) = (w for w in model.warnings if w.code == "accuracy.second_choice")
+    assert "no side of the top was measured" in warning.message
+
+
+def test_where_no_verdict_is_better_the_first_model_stays(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its results are recorded last, for a review shows the last ones."""
+    stages = Stages(monkeypatch, {2.0: "surface"})
+    monkeypatch.setattr(pipeline, "assemble", failed_at(stages, 1.0, 4.0))
+    done = process()
+    assert stages.tried == [1.0, 2.0, 4.0, 1.0]
+    assert done.model.verdict.level == "failed"
+    assert not any(w.code == "accuracy.second_choice" for w in done.model.warnings)
+
+
+def test_a_place_that_was_asked_for_keeps_its_failed_verdict(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """With --near nothing else is tried."""
+    stages = Stages(monkeypatch, {})
+    monkeypatch.setattr(pipeline, "assemble", failed_at(stages, 1.0))
+    assert process((1.0, 0.5)).model.verdict.level == "failed"
+    assert stages.tried == [1.0]
 
 
 def test_stairs_are_no_table(real_recordings: Path) -> None:
