@@ -205,6 +205,24 @@ def _hit(region: Bools, cells: Ints) -> Ints:
     return np.argwhere(region & (hits.reshape(region.shape) >= 2))
 
 
+def upright_cells(region: Bools, cells: Ints, heights: NDArray[np.float32]) -> Ints:
+    """Return the cells (n, 2) of a region in which the points at some cells stand upright.
+
+    The front of a box fills a range of heights. A seat before a table lies at one height.
+    """
+    here = region[tuple(cells.T)]
+    flat = cells[here, 0] * region.shape[1] + cells[here, 1]
+    lowest = np.full(region.size, np.inf, dtype=np.float32)
+    highest = np.full(region.size, -np.inf, dtype=np.float32)
+    np.minimum.at(lowest, flat, heights[here])
+    np.maximum.at(highest, flat, heights[here])
+    return np.argwhere((highest - lowest > _UPRIGHT_M).reshape(region.shape))
+
+
+_LOW_M = 0.08  # metres: what is lower is floor, a rug, or feet
+_UPRIGHT_M = 0.05  # metres from the lowest point of a front's cell to the highest: a seat has less
+
+
 def _beyond(cells: Ints, camera: Floats, surface: Bools) -> Bools:
     """Tell which cells (n, 2) the camera sees over the surface: on the way there, it lies below.
 
@@ -285,7 +303,8 @@ def surroundings(view: SampledView, places: Floats, height: float) -> tuple[floa
     through = np.concatenate([under, crossing(lower)]) if camera[2] > height else under
     # Count cells, not pixels: a leg has many pixels in few cells, a front fills all its cells.
     beneath = len(_hit(inner, through))
-    fronts = _hit(rim, under[heights > 0.08])
+    high = heights > _LOW_M
+    fronts = upright_cells(rim, under[high], heights[high])
     front = int((~_beyond(fronts, camera[:2] / CELL_M - low, inner)).sum())
     rising, _ = where(upper)
     raised = np.zeros(shape, dtype=bool)

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from msgspec import structs
 
-from tablemap.stages.segmentation import TableCandidate
+from tablemap.config import CalibrationConfig, Config, SegmentationConfig, SensorsConfig
+from tablemap.recording import open_recording
+from tablemap.stages.calibration import calibrate
+from tablemap.stages.segmentation import TableCandidate, find_tables
 from tablemap.stages.segmentation.candidates import seats_beside
+from tablemap.stages.segmentation.surfaces import upright_cells
+from tablemap.stages.snapshots import take_snapshots
 
 
 def _surface(x: float, side: float, height: float, *, is_closed: bool = False) -> TableCandidate:
@@ -33,3 +41,31 @@ def test_a_small_low_surface_beside_a_higher_one_may_be_a_seat(
 ) -> None:
     """However small a part of the higher one was seen."""
     assert seats_beside(seat, table) == expected
+
+
+def test_a_seat_before_a_table_is_no_front() -> None:
+    """In each cell of the rim a seat lies at one height, and a front fills a range of heights."""
+    rng = np.random.default_rng(5)
+    rim = np.ones((20, 20), dtype=bool)
+    rim[0] = False
+    seat, front, elsewhere = ([x, 5] for x in (3, 4, 0))
+    cells = np.repeat([seat, front, elsewhere], 40, axis=0)
+    heights = np.concatenate(
+        [rng.normal(0.45, 0.005, 40), rng.uniform(0.1, 0.6, 40), rng.uniform(0.1, 0.6, 40)]
+    )
+    found = upright_cells(rim, cells, heights.astype(np.float32))
+    assert found.tolist() == [front]
+    assert not len(upright_cells(rim, cells[:0], heights[:0].astype(np.float32)))
+
+
+def test_a_table_is_found_where_a_chair_stands_before_it(real_recordings: Path) -> None:
+    """Part of a real clip, whose camera sees the table's end and a chair: not a shelf beside it."""
+    part = structs.replace(Config().topics, start="20", end="26.6")
+    recording = open_recording(real_recordings / "kitchen.mcap", topics=part)
+    taken = take_snapshots(recording, config=Config().snapshots, sensors=SensorsConfig())
+    shots = calibrate(
+        taken.snapshots, config=CalibrationConfig(), sensors=SensorsConfig()
+    ).snapshots
+    chosen = find_tables(shots, config=SegmentationConfig())[0]
+    assert chosen.height == pytest.approx(0.725, abs=0.02)
+    assert not chosen.is_closed
