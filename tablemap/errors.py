@@ -96,6 +96,10 @@ WARNING_CODES: dict[str, str] = {
     "accuracy.floor": (
         "The floor does not lie at z = 0, or is tilted: calibration, TF or depth are wrong."
     ),
+    "recording.laser_meaning": (
+        "The laser's ranges or angles are in another unit than metres and radians; converted."
+    ),
+    "accuracy.laser_meaning": "The laser's ranges are in a unit that nothing confirms.",
     "accuracy.tf_conflict": (
         "Two sources send one transform and disagree; the one that sent most, or last, was taken."
     ),

@@ -22,6 +22,8 @@ from tablemap.robust import kernel_weight
 LEAST_TURN, LEAST_METRES = np.radians(3.0), 0.08
 """Smaller errors may be the wheels'. In a hundred simulated drives these made .7 degrees, 3 cm."""
 MOST_PAIRS = 40
+LEAST_SHARE = 0.5
+"""Of the points agree where mounting and scans are right."""
 
 _FEWEST_PAIRS = 8
 _LEAST_STEP_TURN = 0.2  # radians between the scans of a pair: a base that only drives tells little
@@ -32,7 +34,6 @@ _KERNELS = (0.5, 0.5, 0.4, 0.3, 0.2, 0.2, 0.15, 0.15, 0.1, 0.1, 0.1, 0.1)  # met
 _NEAR = 0.06  # metres: points so near to another scan's agree with it
 _GRID_DEG = 15
 _REFINED = 4  # starts of the grid
-_LEAST_SHARE = 0.5  # of the points agree where the mounting is right
 _LEAST_GAIN = 0.15  # that another turn, or upside down, must explain
 _FEWEST_POINTS = 50
 _STEP = 1e-4  # metres and radians, for derivatives
@@ -95,7 +96,7 @@ def told_by_wheels(scans: Sequence[LaserScan], bases: Floats, given: Mount) -> T
     if pairs is None:
         return Told(given)
     mount = _turned(pairs, given)
-    if pairs.share(mount) < _LEAST_SHARE:
+    if pairs.share(mount) < LEAST_SHARE:
         return Told(given)
     placed = pairs.refined(mount, (0, 1))
     if placed.metres_to(mount) < LEAST_METRES:
@@ -104,6 +105,15 @@ def told_by_wheels(scans: Sequence[LaserScan], bases: Floats, given: Mount) -> T
     if first.metres_to(second) > _SAME_METRES:
         return Told(mount)
     return Told(mount, placed.x - given.x, placed.y - given.y)
+
+
+def agreement(scans: Sequence[LaserScan], bases: Floats, mount: Mount) -> float | None:
+    """Return the share of points that show one room from two places; None without turns.
+
+    ``bases`` (n, 3) are the base's poses at the scans.
+    """
+    pairs = _Pairs.of(scans, bases)
+    return None if pairs is None else pairs.share(mount)
 
 
 def turned_laser(tree: TransformTree, frame: str, given: Mount, found: Mount) -> TransformTree:
@@ -156,12 +166,12 @@ def _turned(pairs: _Pairs, given: Mount) -> Mount:
     """Return the mounting turned, or upside down, if the scans agree on that."""
     share = pairs.share(given)
     best = pairs.refined(given, (2,))
-    if pairs.share(best) < _LEAST_SHARE:
+    if pairs.share(best) < LEAST_SHARE:
         turns = np.radians(np.arange(0, 360, _GRID_DEG))
         starts = [replace(given, yaw=float(t), side=side) for side in (1, -1) for t in turns]
         starts.sort(key=pairs.share, reverse=True)
         best = max((pairs.refined(each, (2,)) for each in starts[:_REFINED]), key=pairs.share)
-        if pairs.share(best) < max(_LEAST_SHARE, share + _LEAST_GAIN):
+        if pairs.share(best) < max(LEAST_SHARE, share + _LEAST_GAIN):
             return given
     if best.side == given.side and abs(given.turn_to(best)) < LEAST_TURN:
         return given

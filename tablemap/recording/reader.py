@@ -21,8 +21,9 @@ from tablemap.recording.channels import Channels, Stamped, only
 from tablemap.recording.depth import decode_depth
 from tablemap.recording.depth_meaning import DepthMeaning
 from tablemap.recording.judgement import Sample, judged, sampled, spread
+from tablemap.recording.laser_meaning import is_plain, told
 from tablemap.recording.laser_mount import Mount, said, told_by_wheels, turned_laser
-from tablemap.recording.messages import CameraInfo, CompressedImage, DecodingError, Image
+from tablemap.recording.messages import CameraInfo, CompressedImage, DecodingError, Image, LaserScan
 from tablemap.recording.pose_topics import read_poses
 from tablemap.recording.raw import Source
 from tablemap.recording.recent import RecentScans
@@ -86,6 +87,7 @@ class Recording(SensorStreams):
         self._check_first_depth()
         self._place(topics, limits)
         self._laser = self._channels.of(self.roles.laser)
+        self._read_laser_meaning()
         self._settle_clocks(topics)
         self._laser = self._without_repeated_scans()
         self._meaning, self._filler = self._judge(topics, limits)
@@ -240,6 +242,29 @@ class Recording(SensorStreams):
             if isinstance(message, Image | CompressedImage)
         )
         return sampled(images, self.tree, self.names)
+
+    def _read_laser_meaning(self) -> None:
+        """Learn the units of the laser's scans, and say them where they are not ROS's."""
+        laser = self.roles.laser
+        if laser is None or self.names.laser is None:
+            return
+        assert isinstance(laser.first, LaserScan)
+        if is_plain(laser.first):
+            return
+        poses, known = self.odom_from_bases(self.scan_stamps())
+        if not known.any():
+            poses, known = self.fixed_from_bases(self.scan_stamps())
+        apart = places_apart(poses[known])
+        scans = list(self.scans(stamps_ns=self.scan_stamps()[known][apart]))
+        if not scans:
+            return
+        mount = Mount.of(self.base_from_laser(scans[0].stamp_ns))
+        bases = planar(poses[known][apart])
+        self._laser_meaning, said = told(scans, bases, mount, laser.name)
+        for warning in said:
+            self._say_once(warning.code, warning.message)
+        if not self._laser_meaning.is_usable:
+            self.names = replace(self.names, laser=None)
 
     def _without_repeated_scans(self) -> Stamped:
         """Return the laser's scans without those that a hung driver sent again from elsewhere."""

@@ -16,6 +16,7 @@ from tablemap.recording.calibrations import Calibrations
 from tablemap.recording.channels import Channels, Stamped, only
 from tablemap.recording.depth import decode_depth
 from tablemap.recording.depth_meaning import DepthMeaning
+from tablemap.recording.laser_meaning import LaserMeaning
 from tablemap.recording.messages import (
     CameraInfo,
     CloudImage,
@@ -92,6 +93,7 @@ class SensorStreams(RobotPoses):
     _filler: float | None
     _turns: int
     _pose_stamps: Stamps
+    _laser_meaning: LaserMeaning = LaserMeaning()
     _unseen: Unseen | None = None
     _blocked: Blocked | None = None
     _recent: RecentScans | None = None
@@ -238,6 +240,7 @@ class SensorStreams(RobotPoses):
         assert self.roles.laser is not None
         for message in self._channels.in_order(self.roles.laser, due):
             assert isinstance(message, LaserScan)
+            message = self._laser_meaning.of(message)
             scan = sweep_that_can_be(message)
             if scan is not message:
                 self._say_once(
