@@ -44,6 +44,10 @@ class Calibrations:
         """Return the calibration that was valid at a stamp."""
         return self.infos[self._index(stamp_ns)]
 
+    def only(self, info: CameraInfo) -> Calibrations:
+        """Return them with one that is valid for the whole drive."""
+        return replace(self, infos=(info,), known={})
+
     def shifted(self, offset_ns: int) -> Calibrations:
         """Return them with an offset added to their stamps."""
         moved = (replace(info, stamp_ns=info.stamp_ns + offset_ns) for info in self.infos)
@@ -194,6 +198,34 @@ def dissenting(
         if apart(own, theirs, width, height) > SAME_SHARE:
             found.append((name, other))
     return found
+
+
+def changing(used: Calibrations, *, width: int, height: int) -> list[tuple[str, CameraInfo]]:
+    """Return calibrations of one image that differ during the drive, each with when it came.
+
+    There are none where no calibration changes, or each change is of another window or binning of
+    the sensor. A lens does not change: a setting that zooms does, or one of them is wrong.
+    """
+    first = used.infos[0]
+    found: list[tuple[str, CameraInfo]] = []
+    pinholes: list[Floats] = []
+    for info in used.infos:
+        if (info.width, info.height, info.binning, info.roi) != (
+            first.width,
+            first.height,
+            first.binning,
+            first.roi,
+        ):
+            continue
+        try:
+            k = rectification(info, width=width, height=height, topic=used.depth).k
+        except RecordingError:
+            continue
+        if all(apart(other, k, width, height) > SAME_SHARE for other in pinholes):
+            pinholes.append(k)
+            seconds = (info.stamp_ns - first.stamp_ns) / 1e9
+            found.append((f"from {seconds:.1f} s on" if seconds else "at first", info))
+    return found if len(found) > 1 else []
 
 
 def stated(info: CameraInfo, *, depth: str) -> str:

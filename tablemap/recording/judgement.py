@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tablemap.config import TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError
 from tablemap.geometry import Floats, Ints
-from tablemap.recording.calibrations import Calibrations, dissenting, stated
+from tablemap.recording.calibrations import Calibrations, changing, dissenting, stated
 from tablemap.recording.depth import decode_depth, depth_encoding
 from tablemap.recording.depth_meaning import (
     AGREED,
@@ -175,40 +175,58 @@ def _raised(sample: Sample) -> Floats:
     return mount
 
 
+def _parts(samples: Sequence[Sample], used: Calibrations) -> list[list[Sample]]:
+    """Return the samples of each calibration that was valid for any of them."""
+    parts: dict[int, list[Sample]] = {}
+    for sample in samples:
+        parts.setdefault(id(used.at(sample.message.stamp_ns)), []).append(sample)
+    return list(parts.values())
+
+
 def _settled(
     samples: Sequence[Sample],
     used: Calibrations,
     others: Sequence[tuple[str, CameraInfo]],
     meaning: DepthMeaning,
 ) -> tuple[Calibrations, list[ProcessWarning]]:
-    """Return the calibration that the floor agrees with, where several disagree, and say so."""
+    """Return the calibration that the floor agrees with, where several disagree, and say so.
+
+    They are on different topics, or on one that changes during the drive.
+    """
     height, width = samples[0].depth.shape
     try:
         against = dissenting(used, others, width=width, height=height)
     except RecordingError:
         return used, []
-    if not against:
+    own = changing(used, width=width, height=height)
+    if not (against or own):
         return used, []
+    parts = _parts(samples, used if own else used.only(used.infos[0]))
     choices = [(used.topic, used)]
-    choices += [
-        (name, replace(used, topic=name, infos=(info,), known={})) for name, info in against
-    ]
+    choices += [(name, replace(used.only(info), topic=name)) for name, info in against]
+    choices += [(f"{used.topic} {when}", used.only(info)) for when, info in own]
     doubts = []
     for _, choice in choices:
-        slope = floor_slope([meaning.of(view) for view in _views(samples, choice)])
-        doubts.append(np.inf if slope is None else slope.doubt)
+        slopes = [
+            floor_slope([meaning.of(view) for view in _views(part, choice)]) for part in parts
+        ]
+        doubts.append(max(np.inf if slope is None else slope.doubt for slope in slopes))
     order = np.argsort(doubts, kind="stable")
     says = "; ".join(
-        f"{name} says {stated(choice.infos[0], depth=used.depth)}" for name, choice in choices
+        f"{name} says {stated(choice.infos[0], depth=used.depth)}"
+        for name, choice in (choices[1:] if own else choices)
     )
     said = f"The calibrations of the depth camera disagree: {says}."
     first, second = doubts[order[0]], doubts[order[1]]
     if first < AGREED and second > DOUBTED:
         name, taken = choices[order[0]]
+        if own and taken is used:
+            return used, []  # the camera was set otherwise, and that was said
         message = f"{said} {name} was taken, as the floor agrees with it alone."
         return taken, [ProcessWarning("recording.calibration", "recording", message)]
+    taken = "what was valid for each image" if own else used.topic
     message = (
-        f"{said} {used.topic} was taken, and the floor does not tell which is right; "
+        f"{said} {taken} was taken, and the floor does not tell which is right; "
         "--set topics.calibration=TOPIC takes another."
     )
     return used, [ProcessWarning("accuracy.calibrations_disagree", "recording", message)]

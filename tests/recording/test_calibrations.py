@@ -17,6 +17,7 @@ from tests.making.rewriting import Change, Dialect, Entry, depth_of, edit, rewri
 
 ROS: tuple[Dialect, ...] = ("ros1", "ros2")
 WINDOW = (24, 10, 280, 220)  # left, top, width, height of 320 x 240
+CENTRE = (157.4, 116.3)  # pixels, where the optical axis meets the image
 
 
 def frames(path: Path) -> list[DepthFrame]:
@@ -168,18 +169,64 @@ def test_a_calibration_that_changes_on_the_way(tmp_path: Path, plain_recording: 
     assert warnings(path) == ["recording.calibration"]
 
 
-def test_a_focal_length_that_changes_on_the_way(tmp_path: Path, plain_recording: Path) -> None:
-    """A camera that was calibrated anew: the calibration from its stamp on, and it is said."""
-    with open_recording(plain_recording) as recording:
-        middle = int(recording.depth_stamps()[4])
+def zoomed(entry: Entry, scale: float) -> Entry:
+    """Return a depth image as a lens with a longer focal length shows it."""
+    values = depth_of(entry)
+    height, width = values.shape
+    v, u = (
+        np.round((np.arange(size) - middle) / scale + middle).astype(int)
+        for size, middle in ((height, CENTRE[1]), (width, CENTRE[0]))
+    )
+    return with_depth(entry, values[np.ix_(v, u)])
+
+
+def middle_of(path: Path) -> int:
+    """Return the stamp from which on the later half of the images were taken."""
+    with open_recording(path) as recording:
+        return int(recording.depth_stamps()[4])
+
+
+def test_a_camera_that_zooms_on_the_way(tmp_path: Path, plain_recording: Path) -> None:
+    """The floor agrees with both calibrations: each is taken from its stamp on, and it is said."""
+    middle = middle_of(plain_recording)
+    path = rewrite(
+        plain_recording,
+        tmp_path / "r.mcap",
+        calibrated(lambda entry: with_k(entry, 1.1) if entry.stamp_ns >= middle else entry),
+        imaged(lambda entry: zoomed(entry, 1.1) if entry.stamp_ns >= middle else entry),
+    )
+    focal = [frame.k[0, 0] for frame in frames(path)]
+    assert focal == pytest.approx(4 * [focal[0]] + 4 * [1.1 * focal[0]])
+    assert warnings(path) == ["recording.calibration"]
+
+
+def test_a_calibration_that_turns_wrong_on_the_way(tmp_path: Path, plain_recording: Path) -> None:
+    """The floor agrees with the first one alone: that is taken for all images, and it is said."""
+    middle = middle_of(plain_recording)
     path = rewrite(
         plain_recording,
         tmp_path / "r.mcap",
         calibrated(lambda entry: with_k(entry, 1.1) if entry.stamp_ns >= middle else entry),
     )
     focal = [frame.k[0, 0] for frame in frames(path)]
-    assert focal == pytest.approx(4 * [focal[0]] + 4 * [1.1 * focal[0]])
-    assert warnings(path) == ["recording.calibration"]
+    assert focal == pytest.approx(8 * [frames(plain_recording)[0].k[0, 0]])
+    assert warnings(path) == 2 * ["recording.calibration"]
+
+
+def test_a_calibration_that_changes_by_little(tmp_path: Path, plain_recording: Path) -> None:
+    """Where the floor agrees with both, what each image's own one says is taken in doubt."""
+    middle = middle_of(plain_recording)
+    path = rewrite(
+        plain_recording,
+        tmp_path / "r.mcap",
+        calibrated(lambda entry: with_k(entry, 1.015) if entry.stamp_ns >= middle else entry),
+    )
+    focal = [frame.k[0, 0] for frame in frames(path)]
+    assert focal == pytest.approx(4 * [focal[0]] + 4 * [1.015 * focal[0]])
+    with open_recording(path) as recording:
+        (doubt,) = [each for each in recording.warnings if each.code.startswith("accuracy.")]
+    assert doubt.code == "accuracy.calibrations_disagree"
+    assert "what was valid for each image was taken" in doubt.message
 
 
 @pytest.mark.parametrize("value", [0.0, np.nan])
