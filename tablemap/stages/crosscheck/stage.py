@@ -14,6 +14,7 @@ import numpy as np
 from tablemap.config import CrossCheckConfig, SensorsConfig
 from tablemap.errors import ProcessWarning
 from tablemap.geometry import Floats
+from tablemap.stages.crosscheck.change import moved_on_the_way
 from tablemap.stages.crosscheck.edges import edge_rows
 from tablemap.stages.crosscheck.result import CrossCheck, Estimate
 from tablemap.stages.crosscheck.rows import Rows, together
@@ -87,9 +88,11 @@ def cross_check(
     told_by_legs = None if sighted is None else solved(sighted)
     mounting: Mounting | None = None
     beside: tuple[ProcessWarning, ...] = ()
+    changed: tuple[ProcessWarning, ...] = ()
     if sighted is not None and told_by_legs is not None:
         mounting = _mounting(told_by_legs, _arms(sighted), sensors)
         beside = _beside(told_by_legs, sensors)
+        changed = moved_on_the_way(sighted)
     by_edges, by_legs = (
         None if part is None else Estimate(*arms.at_table(solved(part)))
         for part in (edges, sighted)
@@ -102,7 +105,7 @@ def cross_check(
     clear = np.abs(at_table) > np.maximum(config.sigmas * sigma, 0.5 * config.threshold)
     known = clear | (sigma <= _LARGEST_SIGMA)
     if not known.any():
-        return replace(_nothing(points, count, sightings, mounting), warnings=beside)
+        return replace(_nothing(points, count, sightings, mounting), warnings=(*beside, *changed))
     size = float(np.hypot(*np.where(known, at_table, 0.0)))
     found = size > config.threshold and bool(clear.any())
     scale, scale_sigma = -float(solution.asked[3]), float(np.sqrt(solution.covariance[3, 3]))
@@ -120,9 +123,10 @@ def cross_check(
             (
                 _warning(at_table, sigma, solution, arms, sightings, told),
                 *_unbelieved(size, sightings, sensors),
+                *changed,
             )
             if found
-            else beside
+            else (*beside, *changed)
         ),
         range_scale=scale if told else None,
         range_scale_sigma=scale_sigma if told else None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -149,8 +150,18 @@ def test_an_offset_of_centimetres_that_legs_confirm_is_believed() -> None:
     assert [warning.code for warning in result.warnings] == ["crosscheck.mounting"]
 
 
-def _with_legs(offset: Pose2, *, leaning: float = 0.0, seed: int = 0, stops: int = 8) -> CrossCheck:
-    """Four legs seen by the laser, and by a camera ``offset`` from where it is believed."""
+def _with_legs(
+    offset: Pose2,
+    *,
+    leaning: float = 0.0,
+    seed: int = 0,
+    stops: int = 8,
+    later: Pose2 | None = None,
+) -> CrossCheck:
+    """Four legs seen by the laser, and by a camera ``offset`` from where it is believed.
+
+    From half way on it is ``later`` from there, where that is given.
+    """
     scene = Scene(table=Pose2(0.4, -0.3, 0.6))
     scene.boxes = [(*place, 0.06, 0.06, scene.table.yaw) for place in four(scene)]
     if leaning:
@@ -169,10 +180,11 @@ def _with_legs(offset: Pose2, *, leaning: float = 0.0, seed: int = 0, stops: int
         with_depth=True,
         pose_sigma=0.0005,
     )
-    believed = offset.inverse()
     # The images are what the true camera saw; the frames have it elsewhere.
+    offsets = [offset if later is None or s.index < stops // 2 else later for s in snapshots]
     snapshots = tuple(
-        replace(s, base_from_camera=_about_itself(s.base_from_camera, believed)) for s in snapshots
+        replace(s, base_from_camera=_about_itself(s.base_from_camera, its.inverse()))
+        for s, its in zip(snapshots, offsets, strict=True)
     )
     legs = find_legs(
         recording, snapshots, registration, surface, config=LegsConfig(), sensors=SENSORS
@@ -205,6 +217,23 @@ def test_legs_alone_show_where_the_camera_is(seed: int) -> None:
     assert (wrong < 3 * sigma).all()
     assert sigma[1] < 0.003 and sigma[2] < np.radians(0.2)
     assert result.is_found and "legs" in result.warnings[0].message
+
+
+@pytest.mark.parametrize(
+    ("later", "metres", "side"),
+    [
+        (Pose2(0.04, 0.0, 0.0), 0.04, "forward"),
+        (Pose2(-0.03, 0.0, 0.0), 0.03, "back"),
+        (Pose2(0.0, -0.03, 0.0), 0.03, "right"),
+    ],
+)
+def test_a_camera_that_moves_on_the_way_is_doubted(later: Pose2, metres: float, side: str) -> None:
+    """Half of the views see all legs elsewhere: one offset of the camera does not tell that."""
+    (doubt,) = [w for w in _with_legs(Pose2(), later=later).warnings if "accuracy" in w.code]
+    assert doubt.code == "accuracy.views_disagree"
+    assert doubt.message.startswith("From view 4 on the camera is ")
+    (seen,) = re.findall(rf"(\d+) mm further {side}", doubt.message)
+    assert float(seen) == pytest.approx(1e3 * metres, abs=3.0)
 
 
 def test_an_offset_that_cancels_at_the_table_is_said() -> None:
