@@ -100,6 +100,7 @@ WARNING_CODES: dict[str, str] = {
         "The laser's ranges or angles are in another unit than metres and radians; converted."
     ),
     "accuracy.laser_meaning": "The laser's ranges are in a unit that nothing confirms.",
+    "accuracy.laser_scale": "The laser's ranges are too long or too short for the camera's depth.",
     "accuracy.tf_conflict": (
         "Two sources send one transform and disagree; the one that sent most, or last, was taken."
     ),

@@ -71,6 +71,8 @@ def admitted_legs(
             continue
         away = float(np.hypot(leg.x - middle[0], leg.y - middle[1]))
         variance = place + 0.5 * turn * away**2 + (stretch * leg.scale_sigma) ** 2
+        # Legs that the laser places stand farther apart as its ranges are longer.
+        variance += (cross.scale_excess * away) ** 2
         sigma = float(np.hypot(leg.position_sigma, np.sqrt(variance)))
         widened.append(replace(leg, position_sigma=sigma))
     return replace(legs, legs=tuple(widened))

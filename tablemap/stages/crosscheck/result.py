@@ -39,6 +39,7 @@ class CrossCheck:
     - ``excess``: at least 1, the ratio of the errors found to the assumed sigmas of mounting and
       scale
     - ``sightings``: how many sightings of legs were compared
+    - ``scale_excess``: by what share the laser's ranges are off beyond that estimate's own sigma
     - ``mounting``: what these say of the camera, for the fit of the top
 
     A value that the views cannot determine is None.
@@ -59,6 +60,7 @@ class CrossCheck:
     excess: float = 1.0
     sightings: int = 0
     mounting: Mounting | None = None
+    scale_excess: float = 0.0
 
     @property
     def is_found(self) -> bool:

@@ -18,6 +18,7 @@ from tablemap.stages.crosscheck.change import moved_on_the_way
 from tablemap.stages.crosscheck.edges import edge_rows
 from tablemap.stages.crosscheck.result import CrossCheck, Estimate
 from tablemap.stages.crosscheck.rows import Rows, together
+from tablemap.stages.crosscheck.scale import scale_excess, wrong_scale
 from tablemap.stages.crosscheck.sightings import leg_rows
 from tablemap.stages.crosscheck.solve import MountingSolution, prior_sigmas, solve
 from tablemap.stages.legs import Leg
@@ -102,10 +103,16 @@ def cross_check(
     sigma = sigma * _disagreement(by_edges, by_legs)
     points = 0 if edges is None else len(edges)
     count = len(np.unique(rows.view))
+    changed = (*changed, *wrong_scale(solution, sensors))
+    excess = scale_excess(solution)
     clear = np.abs(at_table) > np.maximum(config.sigmas * sigma, 0.5 * config.threshold)
     known = clear | (sigma <= _LARGEST_SIGMA)
     if not known.any():
-        return replace(_nothing(points, count, sightings, mounting), warnings=(*beside, *changed))
+        return replace(
+            _nothing(points, count, sightings, mounting),
+            warnings=(*beside, *changed),
+            scale_excess=excess,
+        )
     size = float(np.hypot(*np.where(known, at_table, 0.0)))
     found = size > config.threshold and bool(clear.any())
     scale, scale_sigma = -float(solution.asked[3]), float(np.sqrt(solution.covariance[3, 3]))
@@ -135,6 +142,7 @@ def cross_check(
         excess=_excess(solution, sensors) if found else 1.0,
         sightings=sightings,
         mounting=mounting,
+        scale_excess=excess,
     )
 
 
