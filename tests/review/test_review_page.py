@@ -227,3 +227,11 @@ def test_the_best_view_has_the_model_in_it() -> None:
 def test_without_a_view_of_the_edge_there_is_no_picture(model: TableModel) -> None:
     """A model alone has its page."""
     assert "In the camera" not in page([model])
+
+
+def test_an_option_of_the_command_line_stays_on_one_line() -> None:
+    """A browser breaks lines at hyphens: nobody could copy "- -near 2.20 0.50"."""
+    run = [RunFailed("segmentation", "none was found: --near 2.20 -0.50 (0.74 m high) may be one.")]
+    html = page(run, error=run[0].message)
+    assert '<span class="short">--near 2.20 -0.50</span> (0.74 m high)' in html
+    assert re.search(r"[.]short [{] white-space: nowrap", html)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -37,7 +38,7 @@ section, tr { break-inside: avoid; } h2 { break-after: avoid; }
   .drawn { overflow-x: auto; } .drawn svg { min-width: 36em; }
   .worded, .worded tbody { display: block; }
   .worded tr { display: flex; flex-wrap: wrap; border-bottom: 1px solid #ddd; }
-  .worded td, .worded th { border: 0; } .worded :last-child:not(tr) { flex: 1 0 100%; }
+  .worded td, .worded th { border: 0; } .worded td:last-child:not(.short) { flex: 1 0 100%; }
 }
 @media print { body { margin: 0; max-width: none; font-size: 11px; } }
 """
@@ -53,6 +54,7 @@ MANY = 3
 """Columns that stand beside a long text on any screen."""
 STATUSES = ("measured", "inferred", "unseen", "good", "doubtful", "failed")
 NO_TABLE = "nothing by itself; it gave no table"
+OPTION = re.compile(r"--[a-z][a-z-]*(?: -?[0-9]+[.][0-9]+)*")
 SHORT = 24
 """Letters of a cell that stays one line: long texts beside it give way."""
 
@@ -91,7 +93,7 @@ class Page:
             body = [
                 f'<h1 class="failed">No model of {name}</h1>',
                 f"<p>The run ended in <b>{escape(stage)}</b>:</p>",
-                f"<blockquote>{escape(error or 'no reason was given')}</blockquote>",
+                f"<blockquote>{_told(error or 'no reason was given')}</blockquote>",
                 *_found(self._best),
                 _stages_done(manifest, stage, status),
             ]
@@ -154,7 +156,7 @@ def _model(
     )
     yield f'<p class="muted">The table in {name}</p>'
     if verdict.reasons:
-        yield "<ul>" + "".join(f"<li>{escape(doubt)}</li>" for doubt in doubts(model)) + "</ul>"
+        yield "<ul>" + "".join(f"<li>{_told(doubt)}</li>" for doubt in doubts(model)) + "</ul>"
     rows = [row for row in summary_rows(model) if row[0] != "verdict"]
     yield _table((), [(name, text.replace("+-", "±")) for name, text in rows])
     picture = best.svg(model, places)
@@ -285,4 +287,9 @@ def _table(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:
 def _cell(text: str) -> str:
     kinds = [text] * (text in STATUSES) + ["short"] * (len(text) <= SHORT)
     named = f' class="{" ".join(kinds)}"' if kinds else ""
-    return f"<td{named}>{escape(text)}</td>"
+    return f"<td{named}>{_told(text)}</td>"
+
+
+def _told(text: str) -> str:
+    """Escape a text; an option of the command line and its numbers stay on one line."""
+    return OPTION.sub(r'<span class="short">\g<0></span>', escape(text))
