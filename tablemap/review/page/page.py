@@ -38,7 +38,7 @@ section, tr { break-inside: avoid; } h2 { break-after: avoid; }
   .drawn { overflow-x: auto; } .drawn svg { min-width: 36em; }
   .worded, .worded tbody { display: block; }
   .worded tr { display: flex; flex-wrap: wrap; border-bottom: 1px solid #ddd; }
-  .worded td, .worded th { border: 0; } .worded td:last-child:not(.short) { flex: 1 0 100%; }
+  .worded td, .worded th { border: 0; } .worded td:not(.short) { flex: 1 0 100%; }
 }
 @media print { body { margin: 0; max-width: none; font-size: 11px; } }
 """
@@ -274,9 +274,9 @@ def _provenance(manifest: Manifest, status: str) -> str:
 
 
 def _table(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:
-    """Write a table; narrow screens show long texts of the last of many columns below the rest."""
+    """Write a table; of one with many columns narrow screens show long texts in their own line."""
     cells = [tuple(map(str, row)) for row in rows]
-    is_worded = len(header) > MANY and any(len(row[-1]) > SHORT for row in cells)
+    is_worded = len(header) > MANY and any(len(cell) > SHORT for row in cells for cell in row)
     lines = ['<table class="worded">' if is_worded else "<table>"]
     if header:
         lines.append("<tr>" + "".join(f"<th>{escape(one)}</th>" for one in header) + "</tr>")

@@ -25,6 +25,7 @@ LEG_WITHOUT_SIZE = 0.04
 MOST_LABELLED_SIDES = 12
 HEADING = 0.22  # metres
 LABEL = 13.0  # pixels
+NAME = (120.0, LABEL)  # pixels, of a doubt's name
 NUMBER = palette.LEFT_OUT.css
 
 Pixels = Callable[[Floats], Floats]
@@ -94,21 +95,30 @@ def plan(model: TableModel, doubts: Sequence[DoubtLines] = ()) -> str:
 
 
 def _doubts(doubts: Sequence[DoubtLines], pose: Pose2, pixels: Pixels) -> list[str]:
+    """Draw the doubts' lines, and their names outside of the top, each once."""
     parts: list[str] = []
-    named: set[str] = set()
+    named: dict[str, Floats] = {}
+    middle = pixels(np.zeros((1, 2)))[0]
     for doubt in doubts:
+        drawn = [pixels(_local(pose, line[:, :2])) for line in doubt.lines]
         parts += [
-            f'<polyline points="{_points(pixels(_local(pose, line[:, :2])))}" fill="none" '
-            f'stroke="{palette.DOUBT.css}" stroke-width="2"><title>{doubt.name}</title></polyline>'
-            for line in doubt.lines
+            f'<polyline points="{_points(line)}" fill="none" stroke="{palette.DOUBT.css}" '
+            f'stroke-width="2"><title>{doubt.name}</title></polyline>'
+            for line in drawn
         ]
-        if doubt.name not in named:
-            named.add(doubt.name)
-            # Below the line: above and beside it are the names of sides and dimensions.
-            lowest = max(pixels(_local(pose, doubt.lines[0][:, :2])), key=lambda place: place[1])
-            place = lowest + np.array([0.0, LABEL * (0.2 + len(named))])
-            parts.append(_text(place, doubt.name, palette.DOUBT.css))
-    return parts
+        if doubt.name in named:
+            continue
+        first = drawn[0]
+        is_closed = np.allclose(first[0], first[-1])
+        away = np.linalg.norm(first - middle, axis=1)
+        at = first[np.argmax(away)] if is_closed else (first[0] + first[-1]) / 2
+        outward = (at - middle) / max(float(np.linalg.norm(at - middle)), 1e-9)
+        place = at + 2.3 * LABEL * outward  # beyond the dimensions
+        step = np.array([0.0, math.copysign(LABEL / 2, outward[1])])
+        while any((np.abs(place - other) < NAME).all() for other in named.values()):
+            place = place + step
+        named[doubt.name] = place
+    return parts + [_text(place, name, palette.DOUBT.css) for name, place in named.items()]
 
 
 def _local(pose: Pose2, points: object) -> Floats:
