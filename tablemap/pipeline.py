@@ -89,8 +89,9 @@ def _process(recording: Recording, config: Config, tables: Tables, record: Recor
     with stage("snapshots"):
         taken = take_snapshots(recording, config=config.snapshots, sensors=sensors)
         record(taken)
-        # A kind of camera has its own errors at edges.
+        # A kind of camera has its own errors at edges, and so has the window that it compares.
         sensors, _ = sensors.of_camera(taken.camera.kind)
+        sensors = sensors.of_window(taken.camera.window)
         config = replace(config, sensors=sensors)
 
     # The floor shows the camera's tilt, and the bend of its depth image.

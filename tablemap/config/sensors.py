@@ -360,6 +360,32 @@ class SensorsConfig(Section, frozen=True):
             "fewer of the camera's values",
         ),
     ] = 96.0
+    matching_window_px: Annotated[
+        float,
+        Meta(
+            ge=0,
+            description="pixels; width of the window in which the depth camera compares its "
+            "images; 0: as the noise of its images shows it. Higher: larger sigmas of the "
+            "dimensions and of the thickness",
+        ),
+    ] = 0.0
+    window_edge_share: Annotated[
+        float,
+        Meta(
+            ge=0,
+            description="share of the matching window; error that all near edges share, or all "
+            "far edges (sigma). Higher: larger sigmas of the dimensions",
+        ),
+    ] = 0.07
+    window_face_share: Annotated[
+        float,
+        Meta(
+            ge=0,
+            description="share of the matching window; by how much depth widens the lower end of "
+            "the side face, plus or minus as much (sigma). Higher: the top comes out thinner, with "
+            "a larger sigma",
+        ),
+    ] = 0.1
     edge_bias_sigma: Annotated[
         float,
         Meta(
@@ -433,3 +459,24 @@ class SensorsConfig(Section, frozen=True):
             if getattr(self, name) == known[name].default
         }
         return replace(self, **taken), taken
+
+    def of_window(self, seen: float) -> Self:
+        """Return the settings with the errors of edges that a matching window of pixels makes.
+
+        The window is the one that is set, else the one that was ``seen``, pixels; without one the
+        settings stay.
+        """
+        window = self.matching_window_px or seen
+        error = self.window_edge_share * window
+        return replace(
+            self,
+            matching_window_px=window,
+            near_edge_bias=max(self.near_edge_bias, error / self.edge_sigma_px),
+            top_widening_sigma_px=max(self.top_widening_sigma_px, error),
+            edge_widening_sigma_px=max(self.edge_widening_sigma_px, error / 2),
+            edge_bias_sigma=max(self.edge_bias_sigma, error * _METRES_PER_PX),
+            sharp_rim_set_back=max(self.sharp_rim_set_back, error * _METRES_PER_PX),
+        )
+
+
+_METRES_PER_PX = 0.004  # that an edge pixel spans on the top, at the distance of a stop

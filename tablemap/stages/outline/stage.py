@@ -110,7 +110,8 @@ def find_edges(
     rounding, lowered = _rounding_sigma(traced)
     face_depth = float(np.hypot(sensors.surface_depth_sigma, lowered))
     thickness = joint_thickness(faces, face_depth, config=config)
-    apart = float(np.hypot(sensors.surface_depth_sigma, rounding))
+    blur = _crease_blur(traced, sensors)
+    apart = float(np.sqrt(sensors.surface_depth_sigma**2 + rounding**2 + blur**2))
     rim = None if thickness is None else joint_rim(faces, apart)
     labels = {view.index: view.labels for view in used}
     views: list[ViewEdges] = []
@@ -182,6 +183,20 @@ def _rounding_sigma(traced: list[_TracedView]) -> tuple[float, float]:
         sigmas.append((sigma, -sigma * float(np.median(item.seen.fall[top]))))
     rounding, lowered = np.median(sigmas[1:] or sigmas, axis=0).tolist()
     return rounding, lowered
+
+
+def _crease_blur(traced: list[_TracedView], sensors: SensorsConfig) -> float:
+    """Return by how much a matching window may move the crease of top and side face, metres.
+
+    It rounds a sharp crease over its width, which looks like a rounded rim.
+    """
+    spans = [0.0]
+    for item in traced:
+        if item.seen.top.any():
+            fall = float(np.median(item.seen.fall[item.seen.top]))
+            spans.append(item.seen.offset / fall**2 / item.snapshot.camera.fy)
+    pixel = float(np.median(spans[1:] or spans))
+    return sensors.window_edge_share * sensors.matching_window_px * pixel
 
 
 _COARSE_STEP = 0.006  # of the distance; a disparity's steps are finer, and images are averaged

@@ -21,6 +21,7 @@ from scipy import ndimage
 
 from tablemap.config import DepthCamera
 from tablemap.robust import mad_sigma, medians
+from tablemap.stages.snapshots.matching import matching_window
 from tablemap.stages.snapshots.noise import LAG_PX, SLAB_M, value_steps
 from tablemap.stages.snapshots.result import UNKNOWN_CAMERA, SeenCamera
 
@@ -30,6 +31,7 @@ _FEWEST_SLABS, _LEAST_PIXELS = 5, 500
 _FINE = 0.0015  # metres: a step of the encoding, and none of the camera
 _COARSE = 0.008  # metres at two metres: eighths of a pixel at a projector's baseline
 _SQUARE = 1.5  # power of the distance
+_TRIANGULATED = 0.6  # least power; less is a filter's noise, not that of matching windows
 _SMOOTHED = 0.7  # noise between next pixels as a share of all: .47 for a mean of three pixels
 _TIME_OF_FLIGHT = ((1.35, 0.006), (1.6, 0.0045))  # powers, and the most noise at two metres, metres
 
@@ -57,7 +59,11 @@ def seen_camera(depths: Sequence[NDArray[np.float32]]) -> SeenCamera:
     at_two = float(np.interp(2.0, distances, steps))
     comb = _comb(depths)
     seen = SeenCamera(
-        None, float(np.exp(at_one) * 2**power), float(power), at_two if comb is None else comb
+        None,
+        float(np.exp(at_one) * 2**power),
+        float(power),
+        at_two if comb is None else comb,
+        window=matching_window(depths) if power > _TRIANGULATED else 0.0,
     )
     is_smoothed = bool(np.median(rough) < _SMOOTHED)
     return replace(seen, kind=_kind(seen, has_comb=comb is not None, is_smoothed=is_smoothed))

@@ -160,7 +160,7 @@ class SeenCamera:
 
     ``noise`` and ``step`` are metres at two metres, ``power`` is that of the distance with which
     the noise grows; all are NaN where too little was seen. ``rounding``: the steps where they are
-    coarse.
+    coarse. ``window``: the width of its matching window in pixels, 0 where it compares none.
     """
 
     kind: DepthCamera | None
@@ -168,14 +168,17 @@ class SeenCamera:
     power: float = float("nan")
     step: float = float("nan")
     rounding: Rounding = FINE
+    window: float = 0.0
 
     def __str__(self) -> str:
         if not np.isfinite(self.noise):
             return "depth camera: too little was seen to tell its kind"
         name = "of no known kind" if self.kind is None else self.kind.replace("_", " ")
+        window = f"; windows of {self.window:.0f} pixels" if self.window else ""
         return (
             f"depth camera: {name} (noise {1e3 * self.noise:.1f} mm at 2 m, growing with the "
-            f"distance to the power {self.power:.1f}; steps of {1e3 * self.step:.1f} mm there)"
+            f"distance to the power {self.power:.1f}; steps of {1e3 * self.step:.1f} mm there"
+            f"{window})"
         )
 
 

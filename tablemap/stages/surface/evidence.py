@@ -244,7 +244,13 @@ def _correlation(
     least, most = config.correlation_px, config.correlation_maximum_px
     if widens(mounting, sensors):
         least = max(least, sensors.widened_edge_correlation_px)
+    # Which side of an edge wins within a window depends on their brightness, which is alike along
+    # an edge.
+    least = max(least, _WINDOWS * sensors.matching_window_px)
     return least, max(most, least)
+
+
+_WINDOWS = 7.0
 
 
 def turn(vectors: Floats, yaw: Floats) -> Floats:

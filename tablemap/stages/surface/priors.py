@@ -131,12 +131,13 @@ def _told_by_legs(mounting: Mounting | None, sensors: SensorsConfig) -> tuple[fl
 def top_widening(mounting: Mounting | None, sensors: SensorsConfig) -> tuple[float, float]:
     """Return by how many pixels depth widens the top, and the standard deviation.
 
-    Most depth images widen nothing: for these only a clear sign in the legs' silhouettes counts.
+    A camera that compares no windows widens nothing: for it only a clear sign in the legs'
+    silhouettes counts.
     """
     mean, sigma = sensors.top_widening_px, sensors.top_widening_sigma_px
     told = _told_by_legs(mounting, sensors)
     widened = widens(mounting, sensors)
-    if told is None or not (mean or widened):
+    if told is None or not (mean or widened or sensors.matching_window_px):
         return mean, sigma
     widening, noise = told
     sigma = max(sigma, sensors.silhouette_width_sigma_px) if widened else sigma
@@ -151,7 +152,9 @@ def face_widening(mounting: Mounting | None, sensors: SensorsConfig) -> tuple[fl
     a thing narrower. But silhouettes are widened along the rows of the image and a face across
     them, which what compares or filters along rows does not widen alike.
     """
-    pixels, sigma = sensors.top_widening_px, sensors.top_widening_sigma_px
+    by_window = sensors.window_face_share * sensors.matching_window_px
+    pixels = max(sensors.top_widening_px, by_window)
+    sigma = max(sensors.top_widening_sigma_px, by_window)
     told = _told_by_legs(mounting, sensors)
     if told is not None and abs(told[0] - pixels) > _CLEAR * told[1]:
         pixels, sigma = told
