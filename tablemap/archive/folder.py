@@ -329,6 +329,20 @@ def load_run(run: AnyPath) -> RunFolder:
     return RunFolder(folder.resolve(), read_manifest(folder, given=path), url=url)
 
 
+def of_several(folder: Path, given: Path) -> str | None:
+    """Say that a folder has the runs of several recordings, and name one; None if it has not.
+
+    ``given`` is what the user calls the folder.
+    """
+    inside = sorted(folder.glob(f"*/*/{MANIFEST}")) if is_folder(folder) else []
+    if not inside:
+        return None
+    return (
+        "expected one run, found a folder of several recordings' runs; give one of them, such as "
+        f"{given / inside[0].parent.parent.name} (`tablemap runs list` has all): {given}"
+    )
+
+
 def read_manifest(folder: Path, *, given: Path) -> Manifest:
     """Read the manifest of a run, which may lie on a server; errors name the ``given`` path.
 
@@ -339,7 +353,8 @@ def read_manifest(folder: Path, *, given: Path) -> Manifest:
         return Manifest.from_json(read_text(file))
     except (FileNotFoundError, NotADirectoryError) as error:
         raise TablemapError(
-            f"expected a run folder with a manifest.json, found none; give the path that "
+            of_several(folder, given)
+            or "expected a run folder with a manifest.json, found none; give the path that "
             f"`tablemap process` printed: {given}"
         ) from error
     except OSError as error:

@@ -281,6 +281,10 @@ def test_a_disk_that_takes_no_more_fails_the_run_and_ends_it(
     assert (manifest["status"], manifest["error"]) == ("failed", line["error"])
 
 
+SEVERAL = (
+    "tablemap: expected one run, found a folder of several recordings' runs; give one of them, "
+    "such as several/lap (`tablemap runs list` has all): several"
+)
 WRONG = {
     "process text.mcap -q": (
         1,
@@ -424,6 +428,9 @@ WRONG = {
     "runs pack lap/run -o runs": (1, None),
     "runs unpack none.zst": (1, None),
     "runs unpack runs": (1, None),
+    "runs show several": (1, SEVERAL),
+    "export several --to svg": (1, SEVERAL),
+    "view several --still top.png": (1, SEVERAL),
     "config --set a.b=1": (2, "tablemap: there is no setting 'a'; the nearest is 'surface'."),
 }
 """What is wrong: the exit code and the whole of stderr (None: one line that begins so)."""
@@ -438,6 +445,7 @@ def test_every_error_is_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "runs").mkdir()
     make_run(tmp_path, "lap/run", rectangle_model())
     make_run(tmp_path, "lap/failed", None, status="failed")
+    make_run(tmp_path / "several", "lap/run", rectangle_model())
     (tmp_path / "dangling").mkdir()
     (tmp_path / "dangling" / "latest").symlink_to("gone")
     for command, (expected_code, sentence) in WRONG.items():

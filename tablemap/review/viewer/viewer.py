@@ -15,6 +15,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from tablemap.archive.fetching import copied_run, is_run
+from tablemap.archive.folder import of_several
 from tablemap.errors import ExternalToolError, TablemapError
 from tablemap.paths import AnyPath, as_path
 from tablemap.remote import is_remote
@@ -108,7 +109,9 @@ def review_file(path: AnyPath) -> Path:
         candidates += sorted(path.glob("*/run.rrd"), reverse=True)
     file = next((one for one in candidates if one.is_file()), None)
     if file is None:
-        raise TablemapError(f"expected a run folder or an .rrd, found neither: {path}")
+        raise TablemapError(
+            of_several(path, path) or f"expected a run folder or an .rrd, found neither: {path}"
+        )
     return file
 
 
@@ -127,7 +130,7 @@ def is_review(path: AnyPath) -> bool:
     if local.is_dir():
         return any(
             next(local.glob(f"{where}{file}"), None)
-            for where in ("", "*/")
+            for where in ("", "*/", "*/*/")
             for file in ("run.rrd", "manifest.json")
         )
     with local.open("rb") as stream:
