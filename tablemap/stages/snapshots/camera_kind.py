@@ -7,7 +7,9 @@ differs from one part of the image to the next. So the comb's frequency is looke
 Without a comb the noise tells: that of a triangulation grows with the square of the distance, that
 of a time-of-flight camera is less, and grows about linearly, more where dark or slanted surfaces
 are the far ones. A driver that averages over neighbours lowers any camera's noise and hides its
-comb; neighbours then share their noise, which does not tell time of flight.
+comb; neighbours then share their noise, which does not tell time of flight. Where little light
+comes back, the noise of time of flight grows with the square of the distance, too; but no stereo
+camera has neighbouring pixels with independent noise (see `matching`).
 """
 
 from __future__ import annotations
@@ -33,6 +35,7 @@ _COARSE = 0.008  # metres at two metres: eighths of a pixel at a projector's bas
 _SQUARE = 1.5  # power of the distance
 _TRIANGULATED = 0.6  # least power; less is a filter's noise, not that of matching windows
 _SMOOTHED = 0.7  # noise between next pixels as a share of all: .47 for a mean of three pixels
+_INDEPENDENT, _MOST_ALONE = 0.9, 0.008  # the same share, and metres of noise at two metres
 _TIME_OF_FLIGHT = ((1.35, 0.006), (1.6, 0.0045))  # powers, and the most noise at two metres, metres
 
 
@@ -65,19 +68,23 @@ def seen_camera(depths: Sequence[NDArray[np.float32]]) -> SeenCamera:
         at_two if comb is None else comb,
         window=matching_window(depths) if power > _TRIANGULATED else 0.0,
     )
-    is_smoothed = bool(np.median(rough) < _SMOOTHED)
-    return replace(seen, kind=_kind(seen, has_comb=comb is not None, is_smoothed=is_smoothed))
+    roughness = float(np.median(rough))
+    return replace(seen, kind=_kind(seen, has_comb=comb is not None, roughness=roughness))
 
 
-def _kind(seen: SeenCamera, *, has_comb: bool, is_smoothed: bool) -> DepthCamera | None:
+def _kind(seen: SeenCamera, *, has_comb: bool, roughness: float) -> DepthCamera | None:
     if has_comb:
         return "structured_light" if seen.step > _COARSE else "stereo"
     if seen.step > _FINE:
         return None
     little = any(seen.power < power and seen.noise < most for power, most in _TIME_OF_FLIGHT)
-    if little and not is_smoothed:
+    if little and roughness >= _SMOOTHED:
         return "time_of_flight"
-    return "stereo" if seen.power > _SQUARE else None
+    if seen.power > _SQUARE:
+        # No stereo camera measures each pixel by itself.
+        is_alone = roughness > _INDEPENDENT and seen.noise < _MOST_ALONE
+        return "time_of_flight" if is_alone else "stereo"
+    return None
 
 
 def _comb(depths: Sequence[NDArray[np.float32]]) -> float | None:

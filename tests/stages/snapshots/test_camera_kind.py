@@ -63,6 +63,17 @@ def at_a_wall(rng: np.random.Generator) -> NDArray[np.float64]:
     return np.rint(1e3 * (IDEAL + rng.normal(0, 1, IDEAL.shape) * 0.0012 * IDEAL**1.45)) / 1e3
 
 
+def in_little_light(rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return time of flight whose noise grows with the square of the distance, as light falls."""
+    return np.rint(1e3 * (IDEAL + rng.normal(0, 1, IDEAL.shape) * 0.0016 * IDEAL**2)) / 1e3
+
+
+def matched_in_windows(rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return stereo of as little noise, which the pixels of a window of seven share."""
+    noise = uniform_filter(rng.normal(0, 1, IDEAL.shape), 7)
+    return np.rint(1e3 * (IDEAL + 0.0016 * IDEAL**2 * noise / noise.std())) / 1e3
+
+
 def smoothed(rng: np.random.Generator) -> NDArray[np.float64]:
     """Return the mean of three by three pixels, whose noise is then as low as time of flight's."""
     noisy = IDEAL + rng.normal(0, 1, IDEAL.shape) * 0.004 * IDEAL**1.3
@@ -84,6 +95,8 @@ def eight_bits(rng: np.random.Generator) -> NDArray[np.float64]:
         (zed, "stereo"),
         (azure_kinect, "time_of_flight"),
         (at_a_wall, "time_of_flight"),
+        (in_little_light, "time_of_flight"),
+        (matched_in_windows, "stereo"),
         (eight_bits, None),
         (smoothed, None),
     ],
