@@ -18,6 +18,7 @@ from tablemap.stages.snapshots import Snapshot
 from tablemap.words import counted
 
 STRIDE_PX = 2
+TIE = 0.7  # of the best candidate's weight: from here on another one is nearly as likely
 _MOST_CANDIDATES = 12  # surfaces that are reported: further ones are hardly tables
 _FULL_AREA = 0.15  # square metres in one view: from here on a surface counts as well seen
 _GAZE = 0.8  # metres beside the optical axis: there a look counts by a third
@@ -56,9 +57,18 @@ def rank_tables(views: list[SampledView], config: SegmentationConfig) -> tuple[T
         rise = min((thing.height - group.height for thing in carried), default=None)
         weighed.append(replace(candidate, rise=rise))
     weighed = [_at_a_table(candidate, weighed) for candidate in weighed]
-    candidates = sorted(weighed, key=lambda c: -c.weight)
+    candidates = likeliest_first(weighed)
     best = replace(candidates[0], chosen=True)
     return (best, *candidates[1:_MOST_CANDIDATES])
+
+
+def likeliest_first(candidates: list[TableCandidate]) -> list[TableCandidate]:
+    """Sort candidates by weight; of nearly equal ones, the first has no front below it."""
+    ranked = sorted(candidates, key=lambda c: -c.weight)
+    if ranked[0].is_closed:
+        open_ones = [c for c in ranked if not c.is_closed and c.weight >= TIE * ranked[0].weight]
+        ranked = open_ones[:1] + [c for c in ranked if c not in open_ones[:1]]
+    return ranked
 
 
 def _support(k: int, groups: list[Group], candidates: list[TableCandidate]) -> int | None:

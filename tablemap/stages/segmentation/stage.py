@@ -10,7 +10,12 @@ import numpy as np
 from tablemap.config import SegmentationConfig, SensorsConfig
 from tablemap.errors import EstimationError, ProcessWarning, WarnedPlace
 from tablemap.events import Record, ignore
-from tablemap.stages.segmentation.candidates import STRIDE_PX, rank_tables, seats_beside
+from tablemap.stages.segmentation.candidates import (
+    STRIDE_PX,
+    TIE,
+    rank_tables,
+    seats_beside,
+)
 from tablemap.stages.segmentation.height import Height, Plane, joint_height
 from tablemap.stages.segmentation.labelling import label_view
 from tablemap.stages.segmentation.result import (
@@ -26,7 +31,6 @@ from tablemap.words import counted
 
 _MOST_CHOICES = 4  # candidates that are tried after the first; each costs as much as that
 _MOST_OPTIONS = 3  # places that a sentence names
-_TIE = 0.7  # of the best candidate's weight: a warning names others with at least this share
 
 
 def segment(
@@ -241,7 +245,7 @@ def _choose(
             )
         return candidates[best], []
     chosen = candidates[0]
-    ties = [c for c in candidates[1:] if c.weight >= _TIE * chosen.weight]
+    ties = [c for c in candidates[1:] if c.weight >= TIE * chosen.weight]
     tables = [c for c in candidates[1:] if seats_beside(chosen, c)]
     if not ties and not tables:
         return chosen, []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from tablemap.config import CalibrationConfig, Config, SegmentationConfig, Senso
 from tablemap.recording import open_recording
 from tablemap.stages.calibration import calibrate
 from tablemap.stages.segmentation import TableCandidate, find_tables
-from tablemap.stages.segmentation.candidates import seats_beside
+from tablemap.stages.segmentation.candidates import likeliest_first, seats_beside
 from tablemap.stages.segmentation.surfaces import upright_cells
 from tablemap.stages.snapshots import take_snapshots
 
@@ -41,6 +42,17 @@ def test_a_small_low_surface_beside_a_higher_one_may_be_a_seat(
 ) -> None:
     """However small a part of the higher one was seen."""
     assert seats_beside(seat, table) == expected
+
+
+@pytest.mark.parametrize(("weight", "first"), [(0.9, 2.0), (0.5, 0.0)], ids=["nearly", "far less"])
+def test_of_nearly_equal_surfaces_one_without_a_front_is_taken(weight: float, first: float) -> None:
+    """A counter with a front is no table, if a surface beside it is nearly as likely."""
+    counter = _surface(0.0, 0.5, 0.94, is_closed=True)
+    cupboard = replace(_surface(1.0, 0.5, 0.94, is_closed=True), weight=0.95)
+    corner = replace(_surface(2.0, 0.4, 0.71), weight=weight)
+    ranked = likeliest_first([corner, cupboard, counter])
+    assert ranked[0].hull[0, 0] == first
+    assert len(ranked) == 3
 
 
 def test_a_seat_before_a_table_is_no_front() -> None:
