@@ -94,9 +94,9 @@ class Channels:
         return replace(stamped, stamps_ns=stamped.stamps_ns + offset_ns) if offset_ns else stamped
 
     def contents(self, topic: Topic) -> Ints:
-        """Return one number a scan of a laser's topic, in the order of the stamps that `of` gives.
+        """Return one number a message of depth or a laser, in the order of `of`'s stamps.
 
-        Scans that were measured alike, to the last digit, have the same number.
+        Messages that measured the same, to the last digit, have the same number.
         """
         return self._contents.get(topic.name, np.zeros(0, dtype=np.int64))
 
@@ -174,7 +174,10 @@ class Channels:
         """Read the recording once for all transforms and for the stamps of images and scans."""
         topic_of = {id: t for t in (*self._topics, *self._roles.transforms) for id in t.ids}
         stamped: dict[str, list[tuple[int, int]]] = {}
+        depth = self._roles.depth
         contents: dict[str, list[int]] = {topic.name: [] for topic in self._roles.lasers}
+        if depth is not None:
+            contents[depth.name] = []
         calibrated: dict[int, tuple[bytes, int | None]] = {}
         for transform in implied_transforms(self._roles):
             self.collector.add(transform)
@@ -199,7 +202,8 @@ class Channels:
                 if frame_id in topic.recorded_frames:
                     stamped.setdefault(topic.name, []).append((stamp_ns, raw.log_time_ns))
                     if topic.name in contents:
-                        contents[topic.name].append(_content(decoder, raw))
+                        told = decoder.sample(raw) if topic is depth else decoder.measured(raw)
+                        contents[topic.name].append(_content(told, len(contents[topic.name])))
                 else:
                     self._others.setdefault(topic.name, []).append(frame_id)
             except DecodingError as error:
@@ -210,9 +214,14 @@ class Channels:
             self._contents[name] = np.array(contents[name], dtype=np.int64)[first]
 
 
-def _content(decoder: Decoder, raw: RawMessage) -> int:
-    """Return a number of what a scan measured; equal measurements have equal numbers."""
-    digest = blake2b(decoder.measured(raw), digest_size=8).digest()
+def _content(told: bytes, number: int) -> int:
+    """Return a number of what a message measured; equal measurements have equal numbers.
+
+    What tells nothing has its own ``number``, and equals nothing.
+    """
+    if not told:
+        return number
+    digest = blake2b(told, digest_size=8).digest()
     return int.from_bytes(digest, "little", signed=True)
 
 

@@ -17,6 +17,9 @@ from tablemap.recording.raw import Channel, RawMessage
 
 _BEFORE_RANGES = 128  # bytes of ROS's scans: header, angles, and perhaps a few ranges
 
+_BEFORE_PIXELS = 256  # bytes of ROS's images: header, size, encoding, and the begin of the pixels
+_EVERY = 61  # bytes: of a packed image all that follow a difference differ
+
 
 class Decoder:
     """Decodes the messages of one channel; everything that fails is a `DecodingError`."""
@@ -84,6 +87,16 @@ class Decoder:
             return bytes(self._unpacked(raw)[_BEFORE_RANGES:])
         scan = self.decode(raw)
         return scan.ranges.tobytes() if isinstance(scan, LaserScan) else b""
+
+    def sample(self, raw: RawMessage) -> bytes:
+        """Return some bytes of what an image shows, for comparison; none without ROS's header.
+
+        Of two images that differ, as all do that a camera takes, some of them differ.
+        """
+        if self._peek is None:
+            return b""
+        data = self._unpacked(raw)
+        return b"%d " % len(data) + bytes(data[_BEFORE_PIXELS::_EVERY])
 
     def _unpacked(self, raw: RawMessage) -> memoryview:
         if not self._may_be_packed:

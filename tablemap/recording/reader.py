@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -12,7 +13,7 @@ import numpy as np
 
 from tablemap.config import LimitsConfig, TopicsConfig
 from tablemap.errors import ProcessWarning, RecordingError, cause_named
-from tablemap.geometry import Floats, planar
+from tablemap.geometry import Floats, Ints, planar
 from tablemap.inputs import AnyInput, Input
 from tablemap.recording.blocked import Blocked, blocked
 from tablemap.recording.calibrations import Calibrations, valid_calibrations
@@ -37,11 +38,11 @@ from tablemap.recording.sensor_clocks import (
     settled,
     span_apart,
 )
-from tablemap.recording.silence import is_silent, is_telling, repeated_elsewhere
+from tablemap.recording.silence import is_silent, is_telling, repeated_elsewhere, shows_much
 from tablemap.recording.sources import open_source
 from tablemap.recording.streams import SensorStreams
 from tablemap.recording.tf.frame_roles import FrameNames, pose_stamps
-from tablemap.recording.topics import list_topics
+from tablemap.recording.topics import Topic, list_topics
 from tablemap.recording.unseen import Unseen, learnt, places_apart
 from tablemap.recording.upright import quarter_turns
 from tablemap.recording.window import windowed
@@ -90,6 +91,7 @@ class Recording(SensorStreams):
         self._read_laser_meaning()
         self._settle_clocks(topics)
         self._laser = self._without_repeated_scans()
+        self._depth = self._without_repeated_images()
         self._meaning, self._filler = self._judge(topics, limits)
         mounts, known = self.base_from_cameras(spread(self._depth.stamps_ns))
         self._turns = quarter_turns(mounts[known])
@@ -269,27 +271,63 @@ class Recording(SensorStreams):
     def _without_repeated_scans(self) -> Stamped:
         """Return the laser's scans without those that a hung driver sent again from elsewhere."""
         have, laser = self._laser, self.roles.laser
-        if laser is None or self.names.laser is None or not len(have.stamps_ns):
+        if laser is None or self.names.laser is None:
+            return have
+
+        def telling(stamps_ns: Ints) -> list[int]:
+            return [s.stamp_ns for s in self.scans(stamps_ns=stamps_ns) if is_telling(s)]
+
+        return self._without_repeats(laser, have, telling, "laser", "scan")
+
+    def _without_repeated_images(self) -> Stamped:
+        """Return the depth images without those that a hung driver sent again from elsewhere."""
+        depth = self.roles.depth
+        assert depth is not None
+
+        def telling(stamps_ns: Ints) -> list[int]:
+            told = []
+            for message in self._channels.in_order(depth, only(self._depth, stamps_ns)):
+                assert isinstance(message, Image | CompressedImage)
+                with suppress(DecodingError):
+                    if shows_much(decode_depth(message)):
+                        told.append(message.stamp_ns)
+            return told
+
+        return self._without_repeats(depth, self._depth, telling, "camera", "image")
+
+    def _without_repeats(
+        self,
+        topic: Topic,
+        have: Stamped,
+        telling: Callable[[Ints], list[int]],
+        sensor: str,
+        noun: str,
+    ) -> Stamped:
+        """Return a topic's messages without what a hung driver sent again, and say it.
+
+        ``telling`` returns of some stamps those whose messages no other place gives.
+        """
+        contents = self._channels.contents(topic)
+        different = len(np.unique(contents))
+        if len(contents) != len(have.stamps_ns) or different in (1, len(contents)):
             return have
         poses, known = self.odom_from_bases(have.stamps_ns)
         if not known.any():
             poses, known = self.fixed_from_bases(have.stamps_ns)
-        repeats = repeated_elsewhere(self._channels.contents(laser), poses, known)
+        repeats = repeated_elsewhere(contents, poses, known)
         firsts = np.unique(repeats[repeats >= 0])
-        told = [
-            int(np.searchsorted(have.stamps_ns, scan.stamp_ns))
-            for scan in self.scans(stamps_ns=have.stamps_ns[firsts])
-            if is_telling(scan)
-        ]
+        if not len(firsts):
+            return have
+        told = np.searchsorted(have.stamps_ns, telling(have.stamps_ns[firsts]))
         gone = np.isin(repeats, told)
         if gone.any():
             first_ns = int(have.stamps_ns[gone][0])
             self._say_once(
                 "recording.silent_sensor",
-                f"The laser on {laser.name} sent old scans again, equal to the last digit, while "
-                f"the robot moved: {gone.sum()} of {counted(len(gone), 'scan')} were left out, the "
-                f"first {(first_ns - int(have.stamps_ns[0])) / 1e9:.1f} s after the first scan; "
-                "look for a driver that hangs.",
+                f"The {sensor} on {topic.name} sent old {noun}s again, equal to the last digit, "
+                f"while the robot moved: {gone.sum()} of {counted(len(gone), noun)} were left out, "
+                f"the first {(first_ns - int(have.stamps_ns[0])) / 1e9:.1f} s after the first "
+                f"{noun}; look for a driver that hangs.",
                 first_ns,
             )
         return Stamped(have.stamps_ns[~gone], have.log_times_ns[~gone])

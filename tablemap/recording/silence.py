@@ -13,7 +13,9 @@ from tablemap.geometry import Bools, Floats, Ints, planar, wrap_angles
 from tablemap.recording.messages import LaserScan
 
 _FEWEST_RETURNS = 5  # of one scan: fewer show neither a wall nor a leg
-_TELLING_RANGES = 40  # of one scan: so many do not come again, to the last digit, elsewhere
+_TELLING_RANGES = (
+    40  # of one scan or image: so many do not come again, to the last digit, elsewhere
+)
 _MOVED = 0.05, math.radians(2.0)  # metres, radians: the poses themselves err by less
 _STILL = 0.005, 0.005  # metres, radians: an old scan is as good as a new one there
 _LONGEST_SWEEP_S = 2.0  # lasers turn many times a second
@@ -27,6 +29,11 @@ def is_silent(scans: Iterable[LaserScan]) -> bool:
 def is_telling(scan: LaserScan) -> bool:
     """Tell whether a scan has so many different ranges that no other place gives the same ones."""
     return len(np.unique(_returns(scan))) >= _TELLING_RANGES
+
+
+def shows_much(depth: NDArray[np.float32]) -> bool:
+    """Tell whether a depth image has so many different depths that no other place gives them."""
+    return len(np.unique(depth[np.isfinite(depth)])) >= _TELLING_RANGES
 
 
 def _returns(scan: LaserScan) -> NDArray[np.float32]:

@@ -1,8 +1,9 @@
-"""Scans that a hung driver sends again are left out, and those of a robot that stands are kept."""
+"""What a hung driver sends again is left out, and what a robot that stands sees again is kept."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,17 @@ import pytest
 
 from tablemap.recording import open_recording
 from tablemap.recording.silence import repeated_elsewhere
-from tests.making.rewriting import DIALECTS, Change, Dialect, Entry, edit, rewrite
+from tests.making.rewriting import (
+    DIALECTS,
+    Change,
+    Dialect,
+    Entry,
+    depth_of,
+    edit,
+    restamped,
+    rewrite,
+    with_depth,
+)
 
 SECOND = 1_000_000_000
 
@@ -111,3 +122,46 @@ def test_equal_scans_of_a_standing_robot_are_kept(tmp_path: Path, plain_recordin
         assert np.array_equal(recording.scan_stamps(), stamps)
         alike = [scan.ranges.tobytes() for scan in recording.scans()]
     assert len(set(alike)) < 0.9 * len(alike)
+
+
+ROS: tuple[Dialect, ...] = ("ros1", "ros2")
+
+
+@pytest.mark.parametrize("dialect", ROS)
+def test_depth_images_that_a_driver_sends_again_are_left_out(
+    tmp_path: Path, plain_recording: Path, dialect: Dialect
+) -> None:
+    """Those of later stops that show what the third stop showed; it is said once."""
+    with open_recording(plain_recording) as plain:
+        stamps = plain.depth_stamps()
+    held: list[np.ndarray] = []
+
+    def change(entry: Entry) -> Iterable[Entry]:
+        if entry.is_depth:
+            values = depth_of(entry)
+            if stamps[2] <= entry.stamp_ns <= stamps[4]:
+                held.append(values)
+                values = held[0]
+            entry = with_depth(entry, values)
+        return [entry]
+
+    path = rewrite(plain_recording, tmp_path / "r.mcap", change, dialect=dialect)
+    with open_recording(path) as recording:
+        (warning,) = recording.warnings
+        assert recording.depth_stamps().tolist() == np.delete(stamps, [3, 4]).tolist()
+    assert warning.code == "recording.silent_sensor"
+    assert f"2 of {len(stamps)} images were left out" in warning.message
+
+
+def test_equal_depth_of_a_standing_robot_is_kept(tmp_path: Path, plain_recording: Path) -> None:
+    """An image that comes again at its own stop, without noise, is as good as the first."""
+
+    def again(entry: Entry) -> Iterable[Entry]:
+        yield entry
+        if entry.is_depth:
+            yield replace(restamped(entry, 1_000_000), log_ns=entry.log_ns + 1_000_000)
+
+    path = rewrite(plain_recording, tmp_path / "r.mcap", again)
+    with open_recording(plain_recording) as plain, open_recording(path) as recording:
+        assert recording.warnings == []
+        assert len(recording.depth_stamps()) == 2 * len(plain.depth_stamps())
