@@ -19,6 +19,7 @@ from tablemap.recording.messages import LaserScan
 
 _NO_ROOM = 80.0  # metres, of a scan's median range: lasers of robots see less far
 _USUAL = 2.5  # metres
+_FEWEST = 10  # different ranges of one scan: fewer are no room
 _UNITS = {0.001: "millimetres", 0.01: "centimetres", 0.0254: "inches"}  # in metres
 _CIRCLE = 1.02 * 2.0 * np.pi  # radians: the first and the last beam may overlap
 _DEGREE = np.pi / 180.0
@@ -147,7 +148,10 @@ def _angles_said(meaning: LaserMeaning, topic: str) -> str:
 
 
 def _middle(scans: Sequence[LaserScan]) -> float:
-    """Return the median of the ranges as recorded, 0 without any."""
+    """Return the median of the different ranges as recorded, 0 without as many as a room gives.
+
+    A number that stands for nothing seen counts once.
+    """
     ranges = np.concatenate([scan.ranges for scan in scans])
-    measured = ranges[np.isfinite(ranges) & (ranges > 0.0)]
-    return float(np.median(measured)) if len(measured) else 0.0
+    measured = np.unique(ranges[np.isfinite(ranges) & (ranges > 0.0)])
+    return float(np.median(measured)) if len(measured) >= _FEWEST else 0.0
