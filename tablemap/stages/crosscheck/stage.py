@@ -103,7 +103,8 @@ def cross_check(
     sigma = sigma * _disagreement(by_edges, by_legs)
     points = 0 if edges is None else len(edges)
     count = len(np.unique(rows.view))
-    changed = (*changed, *wrong_scale(solution, sensors))
+    # A camera that moved on the way fits no one offset, and its scale tells nothing then.
+    changed = changed or wrong_scale(solution, sensors)
     excess = scale_excess(solution)
     clear = np.abs(at_table) > np.maximum(config.sigmas * sigma, 0.5 * config.threshold)
     known = clear | (sigma <= _LARGEST_SIGMA)
