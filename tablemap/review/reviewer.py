@@ -63,7 +63,7 @@ class Reviewer(Closing):
             TopDrawing(),
         )
         projection, telling, naming = Projection(), Telling(), Naming()
-        self._doubted = Doubted()
+        doubted = self._doubted = Doubted()
         rooms: dict[str, Room] = {}
 
         def draw_snapshots(stream: Stream, taken: Snapshots) -> None:
@@ -116,7 +116,7 @@ class Reviewer(Closing):
             room = log_model(
                 stream, model, lines=naming.lines(stream), points=naming.points(stream)
             )
-            doubts = self._doubted.of(model)
+            doubts = doubted.of(model)
             codes = (one.code for one in model.warnings)
             stream.scene.doubts = frozenset(one for one in codes if one.startswith(DOUBT))
             if stream.config.level != "off":
