@@ -109,7 +109,7 @@ RENAMED = {
     "segmentation.most_candidates": "stages/segmentation/candidates.py:_MOST_CANDIDATES",
     "segmentation.patch_tolerance": "stages/segmentation/surfaces.py:_TOLERANCE",
     "segmentation.surface_tilt_deg": "stages/segmentation/views.py:LEAST_UPWARD",
-    "segmentation.tie": "stages/segmentation/stage.py:_TIE",
+    "segmentation.tie": "stages/segmentation/candidates.py:TIE",
     "segmentation.tolerance_least": "stages/segmentation/labelling.py:_LEAST_TOLERANCE",
     "segmentation.tolerance_most": "stages/segmentation/labelling.py:_MOST_TOLERANCE",
     "segmentation.tolerance_sigmas": "stages/segmentation/views.py:_TOLERANCE_SIGMAS",
