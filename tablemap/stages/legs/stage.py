@@ -13,7 +13,8 @@ from tablemap.geometry import Floats, Pose2
 from tablemap.model.outlines import simple_polygon
 from tablemap.recording import Recording
 from tablemap.stages.legs.bodies import find_bodies
-from tablemap.stages.legs.candidates import LegCandidate, find_candidates, judge
+from tablemap.stages.legs.candidates import LegCandidate, find_candidates
+from tablemap.stages.legs.decision import judge
 from tablemap.stages.legs.depth import Reach, find_posts, reach
 from tablemap.stages.legs.ends import UpperEnd, upper_end
 from tablemap.stages.legs.layout import Frame, two_tables

@@ -10,8 +10,9 @@ from shapely.geometry import Polygon
 
 from tablemap.geometry import Pose2
 from tablemap.model.shapes import CIRCLE
-from tablemap.stages.legs.candidates import LegCandidate, judge
+from tablemap.stages.legs.candidates import LegCandidate
 from tablemap.stages.legs.clusters import Cluster, Persistence
+from tablemap.stages.legs.decision import judge
 from tablemap.stages.legs.depth import Reach
 from tablemap.stages.legs.ends import UpperEnd
 from tablemap.stages.legs.evidence import LegEvidence
