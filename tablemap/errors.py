@@ -201,7 +201,14 @@ WARNING_CODES: dict[str, str] = {
     "export.no_legs": "No legs were found; the top alone was written.",
     "export.verdict": "The model that was exported is doubtful or failed.",
 }
-"""Every warning code and what it means. Codes that doubt the figures begin with ``accuracy.``."""
+"""Every warning code and what it means. Codes that doubt the figures begin with `DOUBT`."""
+
+DOUBT = "accuracy."
+
+
+def is_doubt(code: str) -> bool:
+    """Tell whether a warning with this code doubts the figures."""
+    return code.startswith(DOUBT)
 
 
 @dataclass(frozen=True)
@@ -274,7 +281,7 @@ def with_cause(sentence: str, warnings: Sequence[ProcessWarning]) -> str:
     doubts = [
         warning.message
         for warning in warnings
-        if warning.stage == "recording" and warning.code.startswith("accuracy.")
+        if warning.stage == "recording" and is_doubt(warning.code)
     ]
     said = (lost or doubts)[:1]
     if not said or said[0] in sentence:

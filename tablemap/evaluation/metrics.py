@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
+from tablemap.errors import is_doubt
 from tablemap.evaluation.alignment import align, matched
 from tablemap.evaluation.leg_places import score_legs, symmetry
 from tablemap.evaluation.score import MEASURED, YAW, Error, Score, ViewScore
@@ -40,7 +41,7 @@ def score(model: TableModel, truth: Truth) -> Score:
         outline=outline,
         iou=iou,
         legs=score_legs(model, truth, truth_from_model),
-        doubts=tuple(w.code for w in model.warnings if w.code.startswith("accuracy.")),
+        doubts=tuple(w.code for w in model.warnings if is_doubt(w.code)),
         weights=_weights(model.surface),
         views=_score_views(model, truth),
         corner_radius=_radius_error(model.surface, truth.surface),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tablemap.config import TopicsConfig
-from tablemap.errors import ProcessWarning, RecordingError
+from tablemap.errors import ProcessWarning, RecordingError, is_doubt
 from tablemap.geometry import Floats, Ints
 from tablemap.recording.calibrations import Calibrations, changing, dissenting, stated
 from tablemap.recording.depth import decode_depth, depth_encoding
@@ -118,7 +118,7 @@ def judged(
     if not roles.is_own_calibration:
         calibrations, said = _settled(samples, calibrations, others, meaning)
         warnings += said
-    if is_height_known and not any(warning.code.startswith("accuracy.") for warning in warnings):
+    if is_height_known and not any(is_doubt(warning.code) for warning in warnings):
         views = [meaning.of(view) for view in _views(samples, calibrations)]
         _, warning = contradiction(views)
         warnings += [warning] if warning is not None else []

@@ -10,7 +10,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from tablemap import palette
-from tablemap.errors import ProcessWarning, WarnedPlace
+from tablemap.errors import DOUBT, ProcessWarning, WarnedPlace, is_doubt
 from tablemap.geometry import Floats
 from tablemap.model import TableModel
 from tablemap.review.eyes import edges_eye, legs_eye, overview_eye, stops_eye, views_eye
@@ -21,7 +21,6 @@ from tablemap.review.stream import Stream
 MOST_CORNERS = 12
 """A body with more has not an upright edge at each, but four."""
 LIFT = 0.008  # metres above the top, so that sides and edge points do not hide the lines
-DOUBT = "accuracy."
 STAGES = {
     "overview": None,
     "views": ("snapshots", "calibration", "segmentation"),
@@ -61,7 +60,7 @@ class Doubted:
 
     def of(self, model: TableModel) -> list[DoubtLines]:
         """Return the places of those doubts that are in the model: others were withdrawn."""
-        kept = {(one.code, one.message) for one in model.warnings if one.code.startswith(DOUBT)}
+        kept = {(one.code, one.message) for one in model.warnings if is_doubt(one.code)}
         return [
             DoubtLines(
                 one.code.removeprefix(DOUBT).replace("_", " "),

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from tablemap.errors import ProcessWarning
+from tablemap.errors import ProcessWarning, is_doubt
 from tablemap.model.shapes import is_angle
 
 MOST_ROWS = 60
@@ -32,7 +32,7 @@ def told(warnings: Iterable[ProcessWarning]) -> list[str]:
 
     They stand beside the view that shows what they are about.
     """
-    ordered = sorted(warnings, key=lambda one: not one.code.startswith("accuracy."))
+    ordered = sorted(warnings, key=lambda one: not is_doubt(one.code))
     return [*(f"- `{one.code}`: {one.message}" for one in ordered[:MOST_ROWS]), ""]
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import rerun as rr
 
 from tablemap import palette
-from tablemap.errors import ProcessWarning
+from tablemap.errors import ProcessWarning, is_doubt
 from tablemap.events import RunFailed, StageFinished, StageStarted
 from tablemap.model import WarningEntry
 from tablemap.review import story
@@ -106,7 +106,7 @@ def log_warning(stream: Stream, warning: ProcessWarning | WarningEntry, *, about
     else:
         stream.at(warning.stamp_ns, snapshot=stream.scene.snapshot_at(warning.stamp_ns))
     message = f"{about}{warning.code}: {warning.message}"
-    stream.say(message, level="WARN" if warning.code.startswith("accuracy.") else "INFO")
+    stream.say(message, level="WARN" if is_doubt(warning.code) else "INFO")
 
 
 def _totals(stages: list[tuple[str, float | None]]) -> list[tuple[str, float | None, int]]:

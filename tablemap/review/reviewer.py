@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from tablemap.config import ReviewConfig
-from tablemap.errors import ProcessWarning
+from tablemap.errors import ProcessWarning, is_doubt
 from tablemap.events import OfTable, OtherTable, RunFailed, StageFinished, StageStarted
 from tablemap.model import TableModel
 from tablemap.recording import Recording
@@ -17,7 +17,7 @@ from tablemap.review.blueprint import blueprint
 from tablemap.review.closing import Closing
 from tablemap.review.crosscheck import log_cross_check
 from tablemap.review.current import log_localised_stops, log_registered_stops
-from tablemap.review.doubted import DOUBT, Doubted, log_doubts
+from tablemap.review.doubted import Doubted, log_doubts
 from tablemap.review.legend import log_legends
 from tablemap.review.motion import MotionDrawing
 from tablemap.review.naming import Naming
@@ -118,7 +118,7 @@ class Reviewer(Closing):
             )
             doubts = doubted.of(model)
             codes = (one.code for one in model.warnings)
-            stream.scene.doubts = frozenset(one for one in codes if one.startswith(DOUBT))
+            stream.scene.doubts = frozenset(filter(is_doubt, codes))
             if stream.config.level != "off":
                 telling.end(stream)
                 perception.log_names(stream)

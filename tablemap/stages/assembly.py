@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 
 from tablemap import model as m
-from tablemap.errors import ProcessWarning
+from tablemap.errors import ProcessWarning, is_doubt
 from tablemap.geometry import Floats, Pose2, wrap_angles
 from tablemap.recording import Recording
 from tablemap.stages.calibration import Calibration
@@ -128,7 +128,7 @@ def judge(
     It is ``failed`` if no side of the top was measured or no view was registered, and ``doubtful``
     if any warning doubts the figures.
     """
-    doubts = [w.message for w in warnings if w.code.startswith("accuracy.")]
+    doubts = [w.message for w in warnings if is_doubt(w.code)]
     nothing_measured = not any(edge.status == "measured" for edge in surface.edges)
     unregistered = not any(registration.used)
     if nothing_measured or unregistered:
