@@ -50,9 +50,8 @@ def _by_view(rows: Rows) -> tuple[list[int], Floats]:
 
     It is forward and leftward of the base.
     """
-    forward = np.column_stack([np.cos(rows.yaw), np.sin(rows.yaw)])
-    left = np.column_stack([-forward[:, 1], forward[:, 0]])
-    slopes = np.column_stack([np.einsum("ij,ij->i", rows.normal, axis) for axis in (forward, left)])
+    axes = (rows.forward, rows.left)
+    slopes = np.column_stack([np.einsum("ij,ij->i", rows.normal, axis) for axis in axes])
     views, offsets = [], []
     for view in np.unique(rows.view):
         own = rows.view == view

@@ -45,6 +45,16 @@ class Rows:
     def __len__(self) -> int:
         return len(self.distance)
 
+    @property
+    def forward(self) -> Floats:
+        """The base's axis that points forward, as (n, 2) unit vectors in the map."""
+        return np.column_stack([np.cos(self.yaw), np.sin(self.yaw)])
+
+    @property
+    def left(self) -> Floats:
+        """The base's axis that points to the left, as (n, 2) unit vectors in the map."""
+        return np.column_stack([-np.sin(self.yaw), np.cos(self.yaw)])
+
     def only(self, keep: Bools) -> Rows:
         """Return the rows that ``keep`` (n,) selects."""
         return Rows(**{field.name: getattr(self, field.name)[keep] for field in fields(self)})

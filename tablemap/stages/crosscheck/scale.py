@@ -14,8 +14,8 @@ _CLEAR = 4.0  # standard deviations
 
 def scale_excess(solution: MountingSolution) -> float:
     """Return by what share the laser's scale is off beyond the estimate's own sigma."""
-    share, variance = float(solution.asked[3]), float(solution.covariance[3, 3])
-    return float(np.sqrt(max(share**2 - variance, 0.0)))
+    share, sigma = solution.range_scale
+    return float(np.sqrt(max(share**2 - sigma**2, 0.0)))
 
 
 def wrong_scale(solution: MountingSolution, sensors: SensorsConfig) -> tuple[ProcessWarning, ...]:
@@ -23,12 +23,12 @@ def wrong_scale(solution: MountingSolution, sensors: SensorsConfig) -> tuple[Pro
 
     All views and legs are placed by the laser: with them, sizes are off by the same share.
     """
-    believed = sensors.laser_range_scale_sigma_wide**2
-    variance = float(solution.covariance[3, 3])
-    told = 1.0 - variance / believed  # the part of the answer that is not the prior's
+    share, sigma = solution.range_scale
+    # The part of the answer that is not the prior's.
+    told = 1.0 - (sigma / sensors.laser_range_scale_sigma_wide) ** 2
     if told <= 0.0:
         return ()
-    share, sigma = -float(solution.asked[3]) / told, float(np.sqrt(variance / told))
+    share, sigma = share / told, float(sigma / np.sqrt(told))
     if abs(share) < max(_LEAST, _CLEAR * sigma):
         return ()
     message = (

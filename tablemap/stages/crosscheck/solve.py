@@ -36,6 +36,11 @@ class MountingSolution:
     covariance: Floats
     widening: tuple[float, float]
 
+    @property
+    def range_scale(self) -> tuple[float, float]:
+        """By what share the laser's ranges are too long, and its standard deviation."""
+        return -float(self.asked[3]), float(np.sqrt(self.covariance[3, 3]))
+
 
 def prior_sigmas(sensors: SensorsConfig) -> Floats:
     """Return the prior standard deviations (4,) of the first unknowns."""
@@ -105,8 +110,6 @@ def solve(
 
 def _design(rows: Rows, present: np.ndarray) -> Floats:
     """Return derivatives (n, ...) by the first unknowns, depth scale, biases, basis and poses."""
-    forward = np.column_stack([np.cos(rows.yaw), np.sin(rows.yaw)])
-    left = np.column_stack([-forward[:, 1], forward[:, 0]])
     normal = rows.normal
 
     def along(vectors: Floats) -> Floats:
@@ -116,8 +119,8 @@ def _design(rows: Rows, present: np.ndarray) -> Floats:
         return np.asarray(normal[:, 1] * arm[:, 0] - normal[:, 0] * arm[:, 1])
 
     shared = [
-        along(forward),
-        along(left),
+        along(rows.forward),
+        along(rows.left),
         turned(rows.ray),
         along(rows.stretch),
         along(rows.ray),

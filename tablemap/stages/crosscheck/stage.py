@@ -86,6 +86,7 @@ def cross_check(
 
     arms = _arms(rows)
     solution = solved(rows)
+    told_by_edges = None if edges is None else solved(edges)
     told_by_legs = None if sighted is None else solved(sighted)
     mounting: Mounting | None = None
     beside: tuple[ProcessWarning, ...] = ()
@@ -95,8 +96,8 @@ def cross_check(
         beside = _beside(told_by_legs, sensors)
         changed = moved_on_the_way(sighted)
     by_edges, by_legs = (
-        None if part is None else Estimate(*arms.at_table(solved(part)))
-        for part in (edges, sighted)
+        None if part is None else Estimate(*arms.at_table(part))
+        for part in (told_by_edges, told_by_legs)
     )
     at_table, sigma = arms.at_table(solution)
     # If the two kinds of evidence disagree, both are less certain than their sigmas.
@@ -105,18 +106,18 @@ def cross_check(
     count = len(np.unique(rows.view))
     # A camera that moved on the way fits no one offset, and its scale tells nothing then.
     changed = changed or wrong_scale(solution, sensors)
-    excess = scale_excess(solution)
+    off_scale = scale_excess(solution)
     clear = np.abs(at_table) > np.maximum(config.sigmas * sigma, 0.5 * config.threshold)
     known = clear | (sigma <= _LARGEST_SIGMA)
     if not known.any():
         return replace(
             _nothing(points, count, sightings, mounting),
             warnings=(*beside, *changed),
-            scale_excess=excess,
+            scale_excess=off_scale,
         )
     size = float(np.hypot(*np.where(known, at_table, 0.0)))
     found = size > config.threshold and bool(clear.any())
-    scale, scale_sigma = -float(solution.asked[3]), float(np.sqrt(solution.covariance[3, 3]))
+    scale, scale_sigma = solution.range_scale
     told = scale_sigma < 0.5 * sensors.laser_range_scale_sigma_wide
     return CrossCheck(
         offset=solution.asked[:3] * known[[0, 1, 1]],
@@ -143,7 +144,7 @@ def cross_check(
         excess=_excess(solution, sensors) if found else 1.0,
         sightings=sightings,
         mounting=mounting,
-        scale_excess=excess,
+        scale_excess=off_scale,
     )
 
 
@@ -178,10 +179,9 @@ def _nothing(
 
 
 def _arms(rows: Rows) -> _Arms:
-    forward = np.column_stack([np.cos(rows.yaw), np.sin(rows.yaw)])
     return _Arms(
-        ahead=float(np.median(np.einsum("ij,ij->i", rows.ray, forward))),
-        reach=float(np.median(-np.einsum("ij,ij->i", rows.stretch, forward))),
+        ahead=float(np.median(np.einsum("ij,ij->i", rows.ray, rows.forward))),
+        reach=float(np.median(-np.einsum("ij,ij->i", rows.stretch, rows.forward))),
     )
 
 
