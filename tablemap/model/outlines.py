@@ -1,4 +1,4 @@
-"""The polygon of an outline that may cross itself."""
+"""Polygons of outlines and shapes that may fall into several parts."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ def simple_polygon(outline: ArrayLike) -> shapely.Polygon:
     if polygon.is_valid:
         simple = polygon.buffer(0)
         return simple if isinstance(simple, shapely.Polygon) else shapely.Polygon()
-    parts = [
-        part
-        for part in shapely.get_parts(shapely.make_valid(polygon)).tolist()
-        if isinstance(part, shapely.Polygon)
-    ]
+    return largest_polygon(shapely.make_valid(polygon))
+
+
+def largest_polygon(shape: shapely.Geometry) -> shapely.Polygon:
+    """Return the largest polygon of a shape's parts; it is empty if there is none."""
+    parts = [part for part in shapely.get_parts(shape) if isinstance(part, shapely.Polygon)]
     return max(parts, key=shapely.area, default=shapely.Polygon())

@@ -13,6 +13,7 @@ from shapely.ops import substring
 
 from tablemap.errors import ProcessWarning, WarnedPlace
 from tablemap.geometry import Bools, Floats, Ints, Pose2
+from tablemap.model.outlines import largest_polygon
 from tablemap.stages.snapshots import Snapshot
 from tablemap.stages.surface.shapes.shape import extents
 
@@ -76,7 +77,7 @@ def find_bodies(
     parts = [_part(ring, run * ring.length / len(closed)) for run in _runs(closed)]
     parts = [part for part in parts if _is_body(part)]
     rest = outline.difference(shapely.union_all(parts)).buffer(-_SLIVER)
-    rest = _largest(rest.buffer(_SLIVER, join_style="mitre"))
+    rest = largest_polygon(rest.buffer(_SLIVER, join_style="mitre"))
     if rest.buffer(-_TABLE / 2).is_empty:
         return []
     parts.sort(key=lambda part: -part.area)
@@ -177,7 +178,7 @@ def _part(ring: LinearRing, run: Floats) -> Polygon:
     corners = shapely.get_coordinates(ring)
     twice = LineString(np.concatenate([corners[:-1], corners]))
     arc = shapely.get_coordinates(substring(twice, *run))
-    return _largest(Polygon(arc).buffer(0)) if len(arc) > 2 else Polygon()
+    return largest_polygon(Polygon(arc).buffer(0)) if len(arc) > 2 else Polygon()
 
 
 def _is_body(part: Polygon) -> bool:
@@ -185,11 +186,6 @@ def _is_body(part: Polygon) -> bool:
     if part.buffer(-_THICK / 2).is_empty:
         return False
     return bool(part.area >= _FILLED * part.minimum_rotated_rectangle.area)
-
-
-def _largest(shape: shapely.Geometry) -> Polygon:
-    polygons = [part for part in shapely.get_parts(shape) if isinstance(part, Polygon)]
-    return max(polygons, key=shapely.area, default=Polygon())
 
 
 def _corners(polygon: Polygon) -> Floats:

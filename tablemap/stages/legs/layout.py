@@ -10,6 +10,7 @@ import shapely
 from shapely.geometry import Point, Polygon
 
 from tablemap.geometry import Bools, Floats
+from tablemap.model.outlines import largest_polygon
 from tablemap.model.shapes import ShapeRecord, shape_named
 from tablemap.stages.surface import Surface
 
@@ -249,11 +250,6 @@ def two_tables(frame: Frame, places: Floats) -> tuple[Floats, ...]:
             half = Polygon(frame.surface.pose.apply(np.asarray(shapely.box(*box).exterior.coords)))
             parts = frame.polygon.intersection(half), frame.polygon.difference(half)
             if is_standing(parts[0], places[low]) and is_standing(parts[1], places[~low]):
-                return tuple(map(_largest_ring, parts))
+                halves = map(largest_polygon, parts)
+                return tuple(shapely.get_coordinates(half.exterior)[:-1] for half in halves)
     return ()
-
-
-def _largest_ring(part: shapely.Geometry) -> Floats:
-    largest = max(shapely.get_parts(part), key=shapely.area)
-    ring: Floats = shapely.get_coordinates(largest.exterior)[:-1]
-    return ring
