@@ -27,6 +27,7 @@ class Decoder:
     def __init__(self, channel: Channel, limits: LimitsConfig | None = None) -> None:
         self._limits = limits or LimitsConfig()
         self._packed_bytes = self._unpacked_bytes = 0
+        self._last: tuple[memoryview, memoryview] | None = None  # packed, and unpacked
         kind = kind_of(channel)
         if kind is None:
             raise DecodingError(f"has the schema {channel.schema_name!r}, which is not read")
@@ -101,7 +102,10 @@ class Decoder:
     def _unpacked(self, raw: RawMessage) -> memoryview:
         if not self._may_be_packed:
             return raw.data
+        if self._last is not None and self._last[0] is raw.data:
+            return self._last[1]
         data = unpacked_message(raw.data, self._limits)
+        self._last = None if data is raw.data else (raw.data, data)
         self._packed_bytes += len(raw.data)
         self._unpacked_bytes += len(data)
         if self._unpacked_bytes > max(
