@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 
 import numpy as np
 
@@ -94,16 +95,14 @@ def told(
             "to show that they are: let the driver send metres."
         )
         return likely, [*said, ProcessWarning("accuracy.laser_meaning", "recording", message)]
-    share, best = max(zip((share or 0.0 for share in shares), choices, strict=True), key=_first)
+    share, best = max(
+        zip((share or 0.0 for share in shares), choices, strict=True), key=itemgetter(0)
+    )
     if share < LEAST_SHARE:
         message = f"{seen}, and in no unit do they fit the robot's motion: it was not used."
         return replace(meaning, is_usable=False), [*said, _note(message)]
     message = f"{seen}; in {_UNITS[best.unit]} they fit the robot's motion, and were taken so."
     return best, [*said, _note(message)]
-
-
-def _first(pair: tuple[float, LaserMeaning]) -> float:
-    return pair[0]
 
 
 def _note(message: str) -> ProcessWarning:

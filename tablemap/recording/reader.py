@@ -253,11 +253,10 @@ class Recording(SensorStreams):
         assert isinstance(laser.first, LaserScan)
         if is_plain(laser.first):
             return
-        poses, known = self.odom_from_bases(self.scan_stamps())
-        if not known.any():
-            poses, known = self.fixed_from_bases(self.scan_stamps())
+        stamps = self.scan_stamps()
+        poses, known = self.driven_bases(stamps)
         apart = places_apart(poses[known])
-        scans = list(self.scans(stamps_ns=self.scan_stamps()[known][apart]))
+        scans = list(self.scans(stamps_ns=stamps[known][apart]))
         if not scans:
             return
         mount = Mount.of(self.base_from_laser(scans[0].stamp_ns))
@@ -311,9 +310,7 @@ class Recording(SensorStreams):
         different = len(np.unique(contents))
         if len(contents) != len(have.stamps_ns) or not 2 < different < len(contents):
             return have
-        poses, known = self.odom_from_bases(have.stamps_ns)
-        if not known.any():
-            poses, known = self.fixed_from_bases(have.stamps_ns)
+        poses, known = self.driven_bases(have.stamps_ns)
         repeats = repeated_elsewhere(contents, poses, known)
         firsts = np.unique(repeats[repeats >= 0])
         if not len(firsts):

@@ -77,5 +77,13 @@ class RobotPoses:
             valid = valid & known
         return poses, valid
 
+    def driven_bases(self, stamps_ns: ArrayLike) -> tuple[Floats, Bools]:
+        """Return the base's (n, 4, 4) poses by the wheels, and which of them are known.
+
+        The poses are those of the localisation where the wheels tell none at all.
+        """
+        poses, known = self.odom_from_bases(stamps_ns)
+        return (poses, known) if known.any() else self.fixed_from_bases(stamps_ns)
+
     def _base_from(self, frame: str, stamps_ns: Stamps) -> tuple[Floats, Bools]:
         return base_from(self.tree, self.names, frame, stamps_ns)

@@ -13,9 +13,7 @@ from tablemap.geometry import Bools, Floats, Ints, planar, wrap_angles
 from tablemap.recording.messages import LaserScan
 
 _FEWEST_RETURNS = 5  # of one scan: fewer show neither a wall nor a leg
-_TELLING_RANGES = (
-    40  # of one scan or image: so many do not come again, to the last digit, elsewhere
-)
+_TELLING_RANGES = 40  # of one message: so many do not come again, to the last digit, elsewhere
 _MOVED = 0.05, math.radians(2.0)  # metres, radians: the poses themselves err by less
 _STILL = 0.005, 0.005  # metres, radians: an old scan is as good as a new one there
 _LONGEST_SWEEP_S = 2.0  # lasers turn many times a second

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +24,8 @@ from tests.making.rewriting import (
 )
 
 SECOND = 1_000_000_000
+Read = Callable[[Entry], np.ndarray | None]
+Write = Callable[[Entry, np.ndarray], Entry]
 
 
 def poses(*places: tuple[float, float]) -> np.ndarray:
@@ -58,17 +60,35 @@ def test_where_no_pose_is_known_nothing_is_old() -> None:
     assert len(repeated_elsewhere(np.zeros(0, int), np.zeros((0, 4, 4)), np.zeros(0, bool))) == 0
 
 
-def hung(first_ns: int, last_ns: int) -> Change:
-    """Let the laser repeat its scan from one stamp to another."""
+def hung(first_ns: int, last_ns: int, values_of: Read, with_values: Write) -> Change:
+    """Let a sensor repeat its values from one stamp to another."""
     held: list[np.ndarray] = []
 
     def change(entry: Entry) -> Iterable[Entry]:
-        if entry.type == "LaserScan" and first_ns <= entry.stamp_ns <= last_ns:
-            held.append(entry.message.ranges)
-            entry = edit(entry, ranges=held[0])
+        values = values_of(entry)
+        if values is not None:
+            if first_ns <= entry.stamp_ns <= last_ns:
+                held.append(values)
+                values = held[0]
+            entry = with_values(entry, values)
         return [entry]
 
     return change
+
+
+def ranges_of(entry: Entry) -> np.ndarray | None:
+    """Return the ranges of a scan; None of other messages."""
+    return entry.message.ranges if entry.type == "LaserScan" else None
+
+
+def with_ranges(entry: Entry, ranges: np.ndarray) -> Entry:
+    """Return a scan with other ranges."""
+    return edit(entry, ranges=ranges)
+
+
+def values_of_depth(entry: Entry) -> np.ndarray | None:
+    """Return the values of a depth image; None of other messages."""
+    return depth_of(entry) if entry.is_depth else None
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
@@ -81,7 +101,7 @@ def test_scans_of_a_driver_that_hung_are_left_out(
         begin = int(stamps[0]) + 10 * SECOND
         odom, _ = plain.odom_from_bases(stamps)
     end = begin + 8 * SECOND
-    change = hung(begin, end)
+    change = hung(begin, end, ranges_of, with_ranges)
     path = rewrite(plain_recording, tmp_path / "r.mcap", change, dialect=dialect)
     with open_recording(path) as recording:
         (warning,) = recording.warnings
@@ -134,17 +154,7 @@ def test_depth_images_that_a_driver_sends_again_are_left_out(
     """Those of later stops that show what the third stop showed; it is said once."""
     with open_recording(plain_recording) as plain:
         stamps = plain.depth_stamps()
-    held: list[np.ndarray] = []
-
-    def change(entry: Entry) -> Iterable[Entry]:
-        if entry.is_depth:
-            values = depth_of(entry)
-            if stamps[2] <= entry.stamp_ns <= stamps[4]:
-                held.append(values)
-                values = held[0]
-            entry = with_depth(entry, values)
-        return [entry]
-
+    change = hung(int(stamps[2]), int(stamps[4]), values_of_depth, with_depth)
     path = rewrite(plain_recording, tmp_path / "r.mcap", change, dialect=dialect)
     with open_recording(path) as recording:
         (warning,) = recording.warnings
