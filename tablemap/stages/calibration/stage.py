@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tablemap.config import CalibrationConfig, SensorsConfig
 from tablemap.errors import ProcessWarning
-from tablemap.geometry import Bools, Floats
+from tablemap.geometry import Floats
 from tablemap.stages.calibration.adjustment import (
     CLOSE_GATES_M,
     COUNT,
@@ -25,17 +24,19 @@ from tablemap.stages.calibration.adjustment import (
     unadjusted,
     view_tilts,
 )
+from tablemap.stages.calibration.beliefs import camera_beliefs
+from tablemap.stages.calibration.corrected import corrected
 from tablemap.stages.calibration.field import REFERENCE_M
 from tablemap.stages.calibration.level import floor_level, lowered
 from tablemap.stages.calibration.levels import LevelSamples, SeenTop, collect
-from tablemap.stages.calibration.result import Calibration, LevelResiduals
+from tablemap.stages.calibration.maps import residual_maps
+from tablemap.stages.calibration.result import Calibration
 from tablemap.stages.snapshots import Snapshot
 from tablemap.stages.snapshots.rounding import FINE, Rounding
 from tablemap.words import counted
 
 _LEAST_FLOOR_SHARE = 0.15
 _IMPLAUSIBLE_SIGMAS = 2.0
-_MAP_SHAPE = (12, 16)  # blocks of the image in which residuals are shown
 
 
 def calibrate(
@@ -52,7 +53,7 @@ def calibrate(
     floor is not near z = 0, or only with an implausible scale, it is searched at other heights.
     `flatten` adds the table's top when that is known. ``rounding`` shifts all depths.
     """
-    beliefs = _beliefs(snapshots, rounding, config, sensors)
+    beliefs = camera_beliefs(snapshots, rounding, config, sensors)
     samples = collect(snapshots, config, rounding=rounding)
     result = _calibrated(snapshots, samples, beliefs, config)
     missed = result.floor_pixels < config.least_floor_pixels
@@ -156,58 +157,9 @@ def _at_level(
     return replace(result, floor_z=level, warnings=(*warnings, *result.warnings))
 
 
-def _beliefs(
-    snapshots: tuple[Snapshot, ...],
-    rounding: Rounding,
-    config: CalibrationConfig,
-    sensors: SensorsConfig,
-) -> Beliefs:
-    """Return the priors of the camera before the floor is seen.
-
-    The focal length is not fitted, as on planes its error looks like tilts and a field.
-    """
-    tilt = float(np.deg2rad(sensors.camera_tilt_sigma_deg))
-    held = _is_held(snapshots, config)
-    loose = _HELD_LOOSER if held else 1.0
-    return Beliefs(
-        common=Common(
-            roll=tilt,
-            pitch=tilt,
-            lean_x=_MAP_LEAN if held else 0.0,
-            lean_y=_MAP_LEAN if held else 0.0,
-            height=sensors.held_camera_height_sigma if held else sensors.camera_height_sigma,
-            offset=rounding.sigma,
-            top=_TOP_SIGMA,
-            slope_x=_TOP_SLOPE,
-            slope_y=_TOP_SLOPE,
-            sag=_TOP_SAG,
-        ),
-        scale=sensors.depth_scale_sigma,
-        view_tilt=loose * float(np.deg2rad(sensors.view_tilt_sigma_deg)),
-        view_lift=loose**2 * sensors.view_height_sigma,
-        lean_share=(0.0, 0.0) if held else (1.0, sensors.base_lean_share),
-        rounding=rounding,
-    )
-
-
 _ELSEWHERE_M = 0.1  # a floor so far from z = 0 is not the one that was taken for it
 _WIDER = 3.0  # times as many pixels as near z = 0
 _STEP_M = 0.15  # a base stands on the floor: a floor closer than this is its own
-_TOP_SIGMA = 0.05  # metres about the height at which a segmentation saw the top
-_TOP_SLOPE = np.deg2rad(0.2)  # tops stand on uneven floors
-_TOP_SAG = 0.001  # metres
-_MAP_LEAN = np.deg2rad(0.5)
-_HELD_LOOSER = 3.0  # tilt errors of a tracked camera over those of a head; its square for heights
-
-
-def _is_held(snapshots: tuple[Snapshot, ...], config: CalibrationConfig) -> bool:
-    """Tell whether the camera was held by a hand.
-
-    A robot's head pans and nods on a measured mounting. The image of a camera in a hand also rolls
-    from view to view. Its height and the level of its map are only as good as its tracking.
-    """
-    rolls = np.arcsin([np.clip(s.base_from_camera[2, 0], -1.0, 1.0) for s in snapshots])
-    return len(rolls) > 1 and float(np.std(rolls)) > np.deg2rad(config.held_roll_deg)
 
 
 def _calibrated(
@@ -380,12 +332,12 @@ def _result(
         if counted.any():
             before = float(np.sqrt(np.mean(first[counted] ** 2)))
             after = float(np.sqrt(np.mean(last[counted] ** 2)))
-        floor = _maps(samples, first, last, ~samples.is_top)
-        top = _maps(samples, first, last, samples.is_top)
+        floor = residual_maps(samples, first, last, ~samples.is_top)
+        top = residual_maps(samples, first, last, samples.is_top)
     headings = np.array([snapshot.map_from_base.yaw for snapshot in snapshots]) + turns
     tilts = view_tilts(headings, adjustment.common, adjustment.own)
-    corrected = tuple(
-        _corrected(snapshot, adjustment, tilt, own, beliefs, float(turn))
+    as_adjusted = tuple(
+        corrected(snapshot, adjustment, tilt, own, beliefs, float(turn))
         for snapshot, tilt, own, turn in zip(snapshots, tilts, adjustment.own, turns, strict=True)
     )
     return Calibration(
@@ -395,7 +347,7 @@ def _result(
         floor_rms_before=before,
         floor_rms_after=after,
         recorded=snapshots,
-        snapshots=corrected,
+        snapshots=as_adjusted,
         warnings=warnings,
         turns=turns,
         floor=floor,
@@ -409,66 +361,3 @@ def _recorded(adjustment: Adjustment) -> Floats:
     for name in ("top", "slope_x", "slope_y", "sag", "lean_x", "lean_y"):
         values[PLACE[name]] = adjustment.values[PLACE[name]]
     return values
-
-
-def _maps(
-    samples: LevelSamples, first: Floats, last: Floats, chosen: Bools
-) -> LevelResiduals | None:
-    """Average the residuals of all views in blocks of the image."""
-    near = chosen & (np.abs(last) < _SHOWN_M)
-    if not near.any():
-        return None
-    rows, columns = _MAP_SHAPE
-    u, v = samples.terms[1][near], samples.terms[2][near]
-    block = np.clip(((v + 1) / 2 * rows).astype(np.int64), 0, rows - 1) * columns
-    block += np.clip(((u + 1) / 2 * columns).astype(np.int64), 0, columns - 1)
-    count = np.bincount(block, minlength=rows * columns).astype(np.float64)
-    count[count < _LEAST_BLOCK] = np.nan
-
-    def mean(values: Floats) -> Floats:
-        total = np.bincount(block, weights=values[near], minlength=rows * columns)
-        return (total / count).reshape(rows, columns)
-
-    return LevelResiduals(before=mean(first), after=mean(last))
-
-
-_SHOWN_M = 0.03
-_LEAST_BLOCK = 5
-
-
-def _corrected(
-    snapshot: Snapshot,
-    adjustment: Adjustment,
-    tilt: Floats,
-    own: Floats,
-    beliefs: Beliefs,
-    turn: float,
-) -> Snapshot:
-    """Return a snapshot with the adjusted camera and depth.
-
-    A base that leans turns about its wheels: it moves the camera, a metre above, by millimetres.
-    """
-    common = adjustment.common
-    rotation: Floats = Rotation.from_euler("xy", tilt).as_matrix()
-    if turn:
-        about = Rotation.from_euler("z", turn).as_matrix()
-        rotation = about @ rotation @ about.T
-    mount = snapshot.base_from_camera.copy()
-    mount[:3, :3] = rotation @ mount[:3, :3]
-    roll, pitch = own[:2] * beliefs.lean_share
-    c, s = np.cos(turn), np.sin(turn)
-    mount[:2, 3] += mount[2, 3] * np.array([c * pitch + s * roll, s * pitch - c * roll])
-    mount[2, 3] += common.height + own[2]
-    depth = snapshot.depth * adjustment.field.multiplier(snapshot.camera, snapshot.depth)
-    if abs(common.offset) > _LEAST_OFFSET:
-        shift = np.float32(common.offset) * beliefs.rounding.share(snapshot.depth)
-        depth = depth + shift
-    return replace(
-        snapshot,
-        base_from_camera=mount,
-        depth=depth.astype(np.float32),
-        recorded_noise=snapshot.noise,
-    )
-
-
-_LEAST_OFFSET = 1e-5
