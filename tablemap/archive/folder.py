@@ -29,7 +29,6 @@ from tablemap.words import safe_name, shortened
 
 if TYPE_CHECKING:
     from tablemap.events import OtherTable
-    from tablemap.stages.odometry import Trajectory
 
 ADDED = ("exports/", "input/")
 """Folders of a run for files that are added after its end."""
@@ -393,17 +392,3 @@ def names_model(path: AnyPath) -> bool:
         return False
     file = as_path(path)
     return file.suffix == ".json" and file.name != MANIFEST and not is_folder(file)
-
-
-def trajectory_tum(trajectory: Trajectory) -> str:
-    """Return base poses as TUM lines: seconds, x y z, qx qy qz qw, nine decimals."""
-    import numpy as np
-
-    lines = []
-    for stamp, (x, y, yaw) in zip(trajectory.stamps_ns.tolist(), trajectory.poses, strict=True):
-        seconds = f"{stamp // 10**9}.{stamp % 10**9:09d}"
-        place = f"{x:.9f} {y:.9f} {0:.9f}"
-        lines.append(
-            f"{seconds} {place} {0:.9f} {0:.9f} {np.sin(yaw / 2):.9f} {np.cos(yaw / 2):.9f}"
-        )
-    return "\n".join(lines) + "\n"

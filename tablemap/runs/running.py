@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 from msgspec.structs import replace
 
-from tablemap.archive.folder import RunFolder, check_writable, load_run, table_name, trajectory_tum
+from tablemap.archive.folder import RunFolder, check_writable, load_run, table_name
 from tablemap.archive.liveness import Heart
+from tablemap.archive.tum import trajectory_tum
 from tablemap.archive.verification import find_input
 from tablemap.config import Config, Method, Tables, check_tables, dump_config, load_config
 from tablemap.errors import LOSSES, ConfigError, TablemapError

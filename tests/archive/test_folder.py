@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tablemap.archive import RunFolder, load_run
-from tablemap.archive.folder import trajectory_tum
+from tablemap.archive.tum import trajectory_tum
 from tablemap.config import Config
 from tablemap.errors import TablemapError
 from tablemap.stages.odometry import Trajectory
