@@ -137,6 +137,6 @@ def _log(stream: Stream, view: str, doubts: Iterable[DoubtLines], room: Room) ->
 
 
 def farthest(line: NDArray[np.float64], centre: Floats) -> NDArray[np.float64]:
-    """Return the point of a line (n, 3) that is farthest from a place (2,): its name goes there."""
+    """Return the point of a line (n, 2 or 3) that is farthest from a place (2,), for its name."""
     away = np.linalg.norm(line[:, :2] - centre, axis=1)
     return np.asarray(line[np.argmax(away)])

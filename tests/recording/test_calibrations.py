@@ -186,13 +186,19 @@ def middle_of(path: Path) -> int:
         return int(recording.depth_stamps()[4])
 
 
+def with_later_k(path: Path, scale: float) -> Change:
+    """Scale the focal length in the calibrations of the later half."""
+    middle = middle_of(path)
+    return calibrated(lambda entry: with_k(entry, scale) if entry.stamp_ns >= middle else entry)
+
+
 def test_a_camera_that_zooms_on_the_way(tmp_path: Path, plain_recording: Path) -> None:
     """The floor agrees with both calibrations: each is taken from its stamp on, and it is said."""
     middle = middle_of(plain_recording)
     path = rewrite(
         plain_recording,
         tmp_path / "r.mcap",
-        calibrated(lambda entry: with_k(entry, 1.1) if entry.stamp_ns >= middle else entry),
+        with_later_k(plain_recording, 1.1),
         imaged(lambda entry: zoomed(entry, 1.1) if entry.stamp_ns >= middle else entry),
     )
     focal = [frame.k[0, 0] for frame in frames(path)]
@@ -202,12 +208,7 @@ def test_a_camera_that_zooms_on_the_way(tmp_path: Path, plain_recording: Path) -
 
 def test_a_calibration_that_turns_wrong_on_the_way(tmp_path: Path, plain_recording: Path) -> None:
     """The floor agrees with the first one alone: that is taken for all images, and it is said."""
-    middle = middle_of(plain_recording)
-    path = rewrite(
-        plain_recording,
-        tmp_path / "r.mcap",
-        calibrated(lambda entry: with_k(entry, 1.1) if entry.stamp_ns >= middle else entry),
-    )
+    path = rewrite(plain_recording, tmp_path / "r.mcap", with_later_k(plain_recording, 1.1))
     focal = [frame.k[0, 0] for frame in frames(path)]
     assert focal == pytest.approx(8 * [frames(plain_recording)[0].k[0, 0]])
     assert warnings(path) == 2 * ["recording.calibration"]
@@ -215,12 +216,7 @@ def test_a_calibration_that_turns_wrong_on_the_way(tmp_path: Path, plain_recordi
 
 def test_a_calibration_that_changes_by_little(tmp_path: Path, plain_recording: Path) -> None:
     """Where the floor agrees with both, what each image's own one says is taken in doubt."""
-    middle = middle_of(plain_recording)
-    path = rewrite(
-        plain_recording,
-        tmp_path / "r.mcap",
-        calibrated(lambda entry: with_k(entry, 1.015) if entry.stamp_ns >= middle else entry),
-    )
+    path = rewrite(plain_recording, tmp_path / "r.mcap", with_later_k(plain_recording, 1.015))
     focal = [frame.k[0, 0] for frame in frames(path)]
     assert focal == pytest.approx(4 * [focal[0]] + 4 * [1.015 * focal[0]])
     with open_recording(path) as recording:

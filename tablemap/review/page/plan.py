@@ -11,7 +11,7 @@ from tablemap import palette
 from tablemap.geometry import Floats, Pose2
 from tablemap.model import Figure, TableLeg, TableModel
 from tablemap.model.shapes import shape_named
-from tablemap.review.doubted import DoubtLines
+from tablemap.review.doubted import DoubtLines, farthest
 from tablemap.review.numbering import from_one_place, numbered
 from tablemap.review.wording import length
 from tablemap.words import escape
@@ -110,8 +110,7 @@ def _doubts(doubts: Sequence[DoubtLines], pose: Pose2, pixels: Pixels) -> list[s
             continue
         first = drawn[0]
         is_closed = np.allclose(first[0], first[-1])
-        away = np.linalg.norm(first - middle, axis=1)
-        at = first[np.argmax(away)] if is_closed else (first[0] + first[-1]) / 2
+        at = farthest(first, middle) if is_closed else (first[0] + first[-1]) / 2
         outward = (at - middle) / max(float(np.linalg.norm(at - middle)), 1e-9)
         place = at + 2.3 * LABEL * outward  # beyond the dimensions
         step = np.array([0.0, math.copysign(LABEL / 2, outward[1])])

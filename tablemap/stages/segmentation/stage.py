@@ -10,12 +10,7 @@ import numpy as np
 from tablemap.config import SegmentationConfig, SensorsConfig
 from tablemap.errors import EstimationError, ProcessWarning, WarnedPlace
 from tablemap.events import Record, ignore
-from tablemap.stages.segmentation.candidates import (
-    STRIDE_PX,
-    TIE,
-    rank_tables,
-    seats_beside,
-)
+from tablemap.stages.segmentation.candidates import STRIDE_PX, TIE, rank_tables, seats_beside
 from tablemap.stages.segmentation.height import Height, Plane, joint_height
 from tablemap.stages.segmentation.labelling import label_view
 from tablemap.stages.segmentation.result import (
