@@ -85,11 +85,12 @@ def _smaller(picture: bytes) -> bytes:
     """Return a PNG in 256 colours: it has a quarter of the size and looks almost the same.
 
     The colours cover all that are there: by their frequency a legend's few pixels would get others.
+    They are mixed where the depth image would fall into bands.
     """
     with PIL.Image.open(io.BytesIO(picture)) as image:
-        few = image.convert("RGB").quantize(
-            256, method=PIL.Image.Quantize.MAXCOVERAGE, kmeans=1, dither=PIL.Image.Dither.NONE
-        )
+        whole = image.convert("RGB")
+        colours = whole.quantize(256, method=PIL.Image.Quantize.MAXCOVERAGE, kmeans=1)
+        few = whole.quantize(palette=colours, dither=PIL.Image.Dither.FLOYDSTEINBERG)
         buffer = io.BytesIO()
         few.save(buffer, format="PNG", optimize=True)
     return buffer.getvalue()
